@@ -27,6 +27,7 @@ pub use error::{Failure, HdfError, system_error};
 pub use file::HdfFile;
 pub use limits::{MEMORY, SECONDS};
 pub use message::DatasetInfo;
+pub use pool::restart_store_reader;
 pub use session::{read_by_test, set_reader};
 pub use tree::{Array, Tree};
 

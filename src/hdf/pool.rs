@@ -56,6 +56,14 @@ pub(super) fn send(key: &Key, path: &Path, request: Request) -> Result<Received,
     received
 }
 
+/// Lets a new process read the files of stores from the next request on. What a running one has read once, it may
+/// return from its memory.
+pub fn restart_store_reader() {
+    let mut pool = POOL.lock().unwrap_or_else(PoisonError::into_inner);
+    // Another thread may be waiting for a response of the old process, which ends after it.
+    pool.retain(|(key, _)| *key != Key::Stores);
+}
+
 fn session(key: &Key) -> Shared {
     // The list is valid even if another thread panicked.
     let mut pool = POOL.lock().unwrap_or_else(PoisonError::into_inner);

@@ -16,6 +16,7 @@ use super::inspect::{Condition, Effort};
 use super::layout::{ORIGINS, REMOTES};
 use super::open::Store;
 use super::provenance::Provenance;
+use super::quarantine::forget_bytes;
 use super::record::{Lookup, Record};
 use super::upstream::{Upstream, UpstreamLink};
 use deaflow_base::{ActionKey, ArtifactId, Digest, concurrently, read_own};
@@ -168,7 +169,12 @@ impl Store {
         if !upstream.download(digest, &temporary)? {
             return Ok(false);
         }
-        let why = match self.import(&temporary, digest) {
+        let mut imported = self.import(&temporary, digest);
+        if imported.as_ref().is_err_and(is_invalid) {
+            forget_bytes(&temporary);
+            imported = self.import(&temporary, digest);
+        }
+        let why = match imported {
             Ok(true) => {
                 let size = fs::metadata(&temporary).map_or(0, |metadata| metadata.len());
                 upstream.accept(digest, size);
@@ -178,7 +184,7 @@ impl Store {
             // The chunk has been reported.
             Ok(false) => return Ok(false),
             Err(StoreError::Damaged { reason, .. }) => reason,
-            Err(error @ (StoreError::Object(_) | StoreError::Parts { .. } | StoreError::Hdf(_))) => error.to_string(),
+            Err(error) if is_invalid(&error) => error.to_string(),
             Err(error) => return Err(error),
         };
         upstream.reject(digest, &why);
@@ -253,4 +259,12 @@ impl Store {
             .next()
             .map_or_else(Provenance::default, |(record, _)| Provenance::of_record(&record)))
     }
+}
+
+/// Whether an error says that a downloaded file is not the artifact.
+fn is_invalid(error: &StoreError) -> bool {
+    matches!(
+        error,
+        StoreError::Damaged { .. } | StoreError::Object(_) | StoreError::Parts { .. } | StoreError::Hdf(_)
+    )
 }

@@ -8,7 +8,7 @@ use super::artifact::Artifact;
 use super::error::StoreError;
 use super::index::Structure;
 use super::open::Store;
-use super::quarantine::unsteady;
+use super::quarantine::{forget_bytes, unsteady};
 use super::record::Record;
 use deaflow_base::ArtifactId;
 
@@ -126,6 +126,7 @@ impl Store {
     pub fn quarantine_artifact(&self, digest: &ArtifactId) -> Result<(), StoreError> {
         self.verified.forget(digest);
         let path = self.layout.object(digest);
+        forget_bytes(&path);
         match Artifact::read_uncached(&path, digest) {
             Ok(_) => Err(unsteady(
                 &path,

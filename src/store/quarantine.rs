@@ -4,8 +4,11 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use rustix::fs::{Advice, fadvise};
+
 use super::error::StoreError;
 use super::layout::Layout;
+use deaflow_base::open_regular;
 
 /// Moves a file to quarantine, and returns its new path; does nothing if there is none.
 ///
@@ -24,18 +27,32 @@ pub fn quarantine(layout: &Layout, path: &Path) -> Result<Option<PathBuf>, Store
     Ok(Some(aside))
 }
 
-/// Reads a file, and a second time if it is damaged, because a device, or the process that reads, may fail once. Only
-/// what is damaged both times may be moved.
+/// Reads a file, and a second time if it is damaged, because a device, or the process that reads, may fail once. The
+/// second reading does not depend on what the first one has left in memory. Only what is damaged both times may be
+/// moved.
 ///
 /// # Errors
 /// As `read`; if the file is intact the second time, an error of the system.
 pub fn read_twice<T>(path: &Path, read: impl Fn() -> Result<T, StoreError>) -> Result<T, StoreError> {
     match read() {
-        Err(error) if !matches!(error, StoreError::Io { .. } | StoreError::Missing { .. }) => match read() {
-            Ok(_) => Err(unsteady(path, &error)),
-            again => again,
-        },
+        Err(error) if !matches!(error, StoreError::Io { .. } | StoreError::Missing { .. }) => {
+            forget_bytes(path);
+            match read() {
+                Ok(_) => Err(unsteady(path, &error)),
+                again => again,
+            }
+        }
         found => found,
+    }
+}
+
+/// Lets the next reading of a file take its bytes from the device: the system drops them from its memory, if nobody has
+/// them mapped, and another process reads HDF5.
+pub fn forget_bytes(path: &Path) {
+    deaflow_hdf::restart_store_reader();
+    if let Ok(file) = open_regular(path) {
+        // Some file systems ignore it.
+        let _ = fadvise(&file, 0, None, Advice::DontNeed);
     }
 }
 

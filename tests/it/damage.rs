@@ -314,12 +314,10 @@ fn any_damage_to_any_file_ends_in_a_sound_store_with_the_same_digests() {
     }
 }
 
-#[test]
-fn what_a_device_cannot_read_is_not_moved() {
-    let workspace = Workspace::small();
-    workspace.stages(&["run", "small.yaml"]);
+/// The library that makes reads fail.
+fn failing_reads(workspace: &Workspace) -> PathBuf {
     let library = workspace.path("readfail.so");
-    let source = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/scale/readfail.c");
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/scale/readfail.c");
     let mut compiler = std::process::Command::new("cc");
     compiler
         .args(["-shared", "-fPIC", "-o"])
@@ -327,6 +325,55 @@ fn what_a_device_cannot_read_is_not_moved() {
         .arg(source)
         .arg("-ldl");
     assert!(compiler.status().unwrap().success());
+    library
+}
+
+#[test]
+fn what_one_process_reads_wrongly_is_not_moved() {
+    let workspace = copied();
+    let digests = &finished().1;
+    let library = failing_reads(&workspace);
+    let flipped = workspace.path("flipped");
+    let failing = |arguments: &[&str]| {
+        let mut command = workspace.command(arguments);
+        command.env("LD_PRELOAD", &library);
+        command.env("FAIL_UNDER", "store/objects").env("FLIP_ONCE", &flipped);
+        Ended::from(command.output().unwrap())
+    };
+    let store = workspace.path("store");
+    let before = files(&store.join("objects"));
+    let fsck = failing(&["fsck", "--json"]);
+    assert!(flipped.exists(), "a process has read wrong bytes");
+    let report = fsck.json();
+    assert_eq!(report["damaged"], serde_json::json!([]), "{report}");
+    assert_eq!(report["unreadable"].as_array().map(Vec::len), Some(1), "{report}");
+    let told = report["unreadable"][0]["reason"].as_str().unwrap();
+    assert!(told.contains("read again, it is intact"), "{told}");
+    assert_eq!(fsck.code, Some(1));
+    for arguments in [
+        &["run", "small.yaml", "--verify", "--json"][..],
+        &["run", "small.yaml", "--verify", "--json", "--set", "stages.balanced.seed=9"],
+    ] {
+        fs::remove_file(&flipped).unwrap();
+        let ran = failing(arguments);
+        assert!(flipped.exists(), "a process has read wrong bytes");
+        assert!(matches!(ran.code, Some(0 | 1)), "{:?} {}", ran.code, ran.stderr);
+        if ran.code == Some(0) {
+            let found = super::common::Stages::read(&ran.json()).digests();
+            assert_eq!(found["solved"], digests["solved"]);
+        }
+    }
+    let kept = files(&store.join("objects"));
+    assert!(before.iter().all(|path| kept.contains(path)));
+    assert_eq!(files(&store.join("quarantine")), [""; 0].map(PathBuf::from));
+    assert_eq!(workspace.run(&["fsck"]).code, Some(0));
+}
+
+#[test]
+fn what_a_device_cannot_read_is_not_moved() {
+    let workspace = Workspace::small();
+    workspace.stages(&["run", "small.yaml"]);
+    let library = failing_reads(&workspace);
     let failing = |arguments: &[&str], under: &str, at: u32| {
         let mut command = workspace.command(arguments);
         command.env("LD_PRELOAD", &library);
