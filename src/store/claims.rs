@@ -209,7 +209,7 @@ mod tests {
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     use super::*;
-    use crate::presence::HeartbeatTimes;
+    use crate::presence::{HeartbeatTimes, OnFullDisk};
 
     const QUICK: HeartbeatTimes = HeartbeatTimes {
         interval: Duration::from_millis(20),
@@ -217,7 +217,7 @@ mod tests {
     };
 
     fn process(folder: &Path) -> Claims {
-        let presence = Presence::announce(&folder.join("processes"), QUICK).unwrap();
+        let presence = Presence::announce(&folder.join("processes"), QUICK, OnFullDisk::Fail).unwrap();
         Claims::new(&folder.join("claims"), Arc::new(presence)).unwrap()
     }
 

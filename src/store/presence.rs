@@ -51,6 +51,18 @@ impl HeartbeatTimes {
     };
 }
 
+/// What a process does if the disk is too full for its own files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OnFullDisk {
+    /// It ends with an error.
+    Fail,
+    /// It continues, and writes them as soon as there is space: it is about to free some.
+    Continue,
+}
+
+/// Pause before writing again to a full disk.
+const FULL_PAUSE: Duration = Duration::from_millis(200);
+
 /// The content of the file of a process.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Heartbeat {
@@ -85,7 +97,7 @@ impl Presence {
     ///
     /// # Errors
     /// If the system reports an error.
-    pub fn announce(folder: &Path, times: HeartbeatTimes) -> Result<Self, StoreError> {
+    pub fn announce(folder: &Path, times: HeartbeatTimes, on_full: OnFullDisk) -> Result<Self, StoreError> {
         delayed_names::make_folders(folder).map_err(StoreError::io("create", folder))?;
         let owner = Owner::this();
         let heartbeat = Heartbeat {
@@ -103,14 +115,22 @@ impl Presence {
         let (_, path) = file
             .keep()
             .map_err(|error| StoreError::io("write", folder)(error.error))?;
-        show(&path, &heartbeat).map_err(StoreError::io("write", &path))?;
+        let mut is_shown = true;
+        if let Err(error) = show(&path, &heartbeat) {
+            if on_full == OnFullDisk::Fail || !is_full(&error) {
+                let _ = fs::remove_file(&path);
+                return Err(StoreError::io("write", &path)(error));
+            }
+            is_shown = false;
+        }
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let beat = move |pauses: &Pauses| {
             let mut heartbeat = heartbeat;
-            while pauses.wait(times.interval) {
+            // An empty file excludes others too, for as long as a heartbeat.
+            while pauses.wait(if is_shown { times.interval } else { FULL_PAUSE }) {
                 heartbeat.beats += 1;
                 // An error is ignored: others wait for several heartbeats.
-                let _ = show(&path, &heartbeat);
+                is_shown |= show(&path, &heartbeat).is_ok();
             }
         };
         let beats = Background::start("presence", beat).map_err(StoreError::io("start a thread for", folder))?;
@@ -195,11 +215,21 @@ fn show(path: &Path, heartbeat: &Heartbeat) -> std::io::Result<()> {
     file.write_all_at(format!("{text:<HEARTBEAT_BYTES$}").as_bytes(), 0)
 }
 
+/// Whether an error says that there is no space left.
+fn is_full(error: &std::io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::StorageFull | ErrorKind::QuotaExceeded)
+}
+
 /// The file of a process with exclusive access, removed on drop.
-pub struct ExclusiveMark(PathBuf);
+pub struct ExclusiveMark {
+    path: PathBuf,
+    /// Writes the name of the process into it, if the disk was full.
+    writes: Option<Background>,
+}
 
 impl ExclusiveMark {
-    /// Creates the file; returns `None` if another process has.
+    /// Creates the file; returns `None` if another process has. On a full disk it is empty until there is space, and
+    /// others count it as that of a living process for as long as a heartbeat.
     ///
     /// # Errors
     /// If the system reports an error.
@@ -207,9 +237,21 @@ impl ExclusiveMark {
         let path = folder.join(ALONE);
         match File::options().write(true).create_new(true).open(&path) {
             Ok(mut file) => {
-                let made = Self(path.clone());
-                file.write_all(process.as_bytes())
-                    .map_err(StoreError::io("write", &path))?;
+                let mut made = Self {
+                    path: path.clone(),
+                    writes: None,
+                };
+                match file.write_all(process.as_bytes()) {
+                    Err(error) if is_full(&error) => {
+                        let name = process.to_owned();
+                        let write = move |pauses: &Pauses| {
+                            while pauses.wait(FULL_PAUSE) && file.write_all_at(name.as_bytes(), 0).is_err() {}
+                        };
+                        let writes = Background::start("exclusive mark", write);
+                        made.writes = Some(writes.map_err(StoreError::io("start a thread for", &path))?);
+                    }
+                    written => written.map_err(StoreError::io("write", &path))?,
+                }
                 Ok(Some(made))
             }
             Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(None),
@@ -220,7 +262,8 @@ impl ExclusiveMark {
 
 impl Drop for ExclusiveMark {
     fn drop(&mut self) {
-        let _ = fs::remove_file(&self.0);
+        drop(self.writes.take());
+        let _ = fs::remove_file(&self.path);
     }
 }
 
@@ -248,8 +291,8 @@ mod tests {
     #[test]
     fn a_process_shows_itself_until_it_ends() {
         let folder = tempfile::tempdir().unwrap();
-        let one = Presence::announce(folder.path(), QUICK).unwrap();
-        let two = Presence::announce(folder.path(), QUICK).unwrap();
+        let one = Presence::announce(folder.path(), QUICK, OnFullDisk::Fail).unwrap();
+        let two = Presence::announce(folder.path(), QUICK, OnFullDisk::Fail).unwrap();
         assert_eq!(one.others().unwrap(), [two.name()]);
         let path = folder.path().join(two.name());
         let before = fs::read(&path).unwrap();
@@ -266,7 +309,7 @@ mod tests {
     #[test]
     fn one_that_shows_nothing_is_dead_after_a_while_and_not_before() {
         let folder = tempfile::tempdir().unwrap();
-        let own = Presence::announce(folder.path(), QUICK).unwrap();
+        let own = Presence::announce(folder.path(), QUICK, OnFullDisk::Fail).unwrap();
         fs::write(folder.path().join("abc123"), foreign(1)).unwrap();
         let start = Instant::now();
         while let ProcessState::Alive(owner) = own.process_state("abc123") {

@@ -11,7 +11,7 @@ use super::error::StoreError;
 use super::layout::Layout;
 use super::lock::{self, Guard, is_read_only};
 use super::locking::{self, LockingChoice, LockingMethod};
-use super::presence::{ALONE, ExclusiveMark, HeartbeatTimes, Presence, ProcessState};
+use super::presence::{ALONE, ExclusiveMark, HeartbeatTimes, OnFullDisk, Presence, ProcessState};
 use super::stamp::Time;
 use super::temporary_folder::{self, TemporaryFolder};
 use deaflow_base::{ActionKey, read_own};
@@ -44,7 +44,7 @@ impl StoreSession {
     pub fn shared(layout: &Layout) -> Result<Self, StoreError> {
         let choice = locking::choose(layout);
         if choice.method == LockingMethod::Claims {
-            let Some(presence) = announce(layout)? else {
+            let Some(presence) = announce(layout, OnFullDisk::Fail)? else {
                 return Ok(Self::unseen(layout, choice));
             };
             wait_for_alone(layout, &presence)?;
@@ -64,14 +64,14 @@ impl StoreSession {
         Ok(Self::by_locks(layout, choice, run))
     }
 
-    /// Opens a session with exclusive access.
+    /// Opens a session with exclusive access, also on a full disk.
     ///
     /// # Errors
     /// If another process has the store open, or the system reports an error.
     pub fn alone(layout: &Layout) -> Result<Self, StoreError> {
         let choice = locking::choose(layout);
         if choice.method == LockingMethod::Claims {
-            let Some(presence) = announce(layout)? else {
+            let Some(presence) = announce(layout, OnFullDisk::Continue)? else {
                 return Ok(Self::unseen(layout, choice));
             };
             let alone = make_alone(layout, &presence)?;
@@ -185,8 +185,8 @@ fn times() -> HeartbeatTimes {
 }
 
 /// Starts the heartbeat of this process; `None` if the store is read-only.
-fn announce(layout: &Layout) -> Result<Option<Arc<Presence>>, StoreError> {
-    match Presence::announce(&layout.processes(), times()) {
+fn announce(layout: &Layout, on_full: OnFullDisk) -> Result<Option<Arc<Presence>>, StoreError> {
+    match Presence::announce(&layout.processes(), times(), on_full) {
         Err(StoreError::Io { source, .. }) if is_read_only(&source) => Ok(None),
         presence => Ok(Some(Arc::new(presence?))),
     }
@@ -213,8 +213,11 @@ fn make_alone(layout: &Layout, presence: &Presence) -> Result<ExclusiveMark, Sto
         if let Some(alone) = ExclusiveMark::try_make(&layout.processes(), presence.name())? {
             return Ok(alone);
         }
-        match presence.process_state(&process_alone(layout)) {
+        let holder = process_alone(layout);
+        match presence.process_state(&holder) {
             ProcessState::Dead(_) => remove_alone(layout)?,
+            // A process that was killed on a full disk has no name.
+            ProcessState::Alive(None) if holder.is_empty() && is_old(ALONE, layout) => remove_alone(layout)?,
             ProcessState::Alive(owner) => return Err(busy(layout, owner.map(|owner| owner.text()))),
         }
     }
@@ -233,16 +236,20 @@ fn remove_alone(layout: &Layout) -> Result<(), StoreError> {
 /// Describes the other processes that may be running, without those whose heartbeat is old by the clock of the file
 /// system.
 fn living(layout: &Layout, presence: &Presence) -> Result<Vec<String>, StoreError> {
-    let now = super::stamp::file_system_time(&layout.processes());
     let mut found = Vec::new();
     for name in presence.others()? {
-        let is_old = is_abandoned(&layout.processes().join(&name), now);
         match presence.process_state(&name) {
-            ProcessState::Alive(owner) if !is_old => found.push(owner.map_or(name, |owner| owner.text())),
+            ProcessState::Alive(owner) if !is_old(&name, layout) => found.push(owner.map_or(name, |owner| owner.text())),
             _ => {}
         }
     }
     Ok(found)
+}
+
+/// Whether a file of a process is old by the clock of the file system.
+fn is_old(name: &str, layout: &Layout) -> bool {
+    let folder = layout.processes();
+    is_abandoned(&folder.join(name), super::stamp::file_system_time(&folder))
 }
 
 fn busy(layout: &Layout, who: impl IntoIterator<Item = String>) -> StoreError {
@@ -340,6 +347,19 @@ mod tests {
             waits.join().unwrap();
         });
         assert_eq!(names_in(&layout.processes()).unwrap(), [""; 0]);
+    }
+
+    #[test]
+    fn a_mark_of_nobody_ends_with_its_age() {
+        let folder = tempfile::tempdir().unwrap();
+        let layout = claimed(folder.path());
+        let mark = layout.processes().join(ALONE);
+        let file = fs::File::create(&mark).unwrap();
+        assert!(StoreSession::alone(&layout).is_err(), "its name may not be written yet");
+        let old = std::time::SystemTime::now() - Duration::from_secs(2 * ABANDONED as u64);
+        file.set_modified(old).unwrap();
+        drop(StoreSession::alone(&layout).unwrap());
+        assert!(!mark.exists());
     }
 
     #[test]

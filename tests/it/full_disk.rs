@@ -25,26 +25,32 @@ const LIMITED: &str = r#"
 find store -name '.tmp*' >left
 "#;
 
-/// Fills the file system of a store to the last byte, and collects. $1 is the space in KiB.
+/// Fills the file system of a store to the last byte, and collects. $1 is the space in KiB, $2 whether processes use
+/// claims.
 const COLLECTED: &str = r#"
 mount -t tmpfs -o "size=$1k" none store || exit 99
 "$0" run small.yaml --json >first 2>first.err; echo $? >first.code
+if [ "$2" = claims ]; then
+    mkdir store/locks/processes
+    "$0" run small.yaml --json >first 2>first.err; echo $? >first.code
+fi
 cat /dev/zero >store/README 2>/dev/null
 cat /dev/zero >store/README.2 2>/dev/null
 df --output=avail store | tail -1 >space.before
 "$0" gc --free 1GB --grace 0 --json >free 2>free.err; echo $? >free.code
 "$0" gc --keep-runs 0 --grace 0 --json >second 2>second.err; echo $? >second.code
 df --output=avail store | tail -1 >space.after
+ls -A store/locks/processes store/locks/claims >claims 2>/dev/null
 rm store/README store/README.2
 "$0" fsck >third 2>third.err; echo $? >third.code
 find store -name '.tmp*' >left
 "#;
 
-fn script<'a>(workspace: &Workspace, prefix: &[&'a str], text: &'a str, space: u32) -> Ended {
+fn script<'a>(workspace: &Workspace, prefix: &[&'a str], text: &'a str, arguments: &[&str]) -> Ended {
     let binary = workspace.command(&[]).get_program().to_owned();
     let words: Vec<&str> = [prefix, &["sh", "-c", text]].concat();
     let mut command = workspace.dressed(words[0]);
-    await_end(command.args(&words[1..]).arg(binary).arg(space.to_string()))
+    await_end(command.args(&words[1..]).arg(binary).args(arguments))
 }
 
 /// How to get a mount of one's own: as an ordinary user in a namespace, or as root.
@@ -82,7 +88,7 @@ fn a_full_disk_is_named_and_loses_nothing() {
     for space in [4, 12, 16, 20, 24, 32, 64, 76, 180, 330, 440, 500, 560, 640] {
         let workspace = Workspace::small();
         std::fs::create_dir(workspace.path("store")).unwrap();
-        let ended = script(&workspace, prefix, text, space);
+        let ended = script(&workspace, prefix, text, &[&space.to_string()]);
         assert_eq!(ended.code, Some(0), "{space} KiB: {}", ended.stderr);
         let [first, second, fsck] = ["first", "second", "third"].map(|step| read(&workspace, step));
         assert!(
@@ -113,10 +119,19 @@ fn a_full_disk_is_named_and_loses_nothing() {
 
 #[test]
 fn a_collection_frees_space_on_a_full_disk() {
+    collects("locks");
+}
+
+#[test]
+fn a_collection_frees_space_on_a_full_disk_with_claims() {
+    collects("claims");
+}
+
+fn collects(how: &str) {
     let Some(way) = namespace() else { return };
     let workspace = Workspace::small();
     std::fs::create_dir(workspace.path("store")).unwrap();
-    let ended = script(&workspace, way, COLLECTED, 4096);
+    let ended = script(&workspace, way, COLLECTED, &["4096", how]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let [first, second, fsck] = ["first", "second", "third"].map(|step| read(&workspace, step));
     assert_eq!(first.code, Some(0), "{}", first.stderr);
@@ -139,6 +154,12 @@ fn a_collection_frees_space_on_a_full_disk() {
     };
     assert_eq!(space("before"), 0);
     assert!(space("after") > 0);
+    let claims = std::fs::read_to_string(workspace.path("claims")).unwrap();
+    let listed = match how {
+        "claims" => "store/locks/claims:\n\nstore/locks/processes:\n",
+        _ => "",
+    };
+    assert_eq!(claims, listed);
     assert_eq!(fsck.code, Some(0), "{}", fsck.stdout);
     assert_eq!(std::fs::read_to_string(workspace.path("left")).unwrap(), "");
 }
