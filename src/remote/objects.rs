@@ -100,7 +100,9 @@ impl Objects {
     /// Returns an error if they cannot be listed.
     pub fn valid(&self, bucket: &dyn Bucket) -> Result<HashSet<ArtifactId>, RemoteError> {
         let stamps = stamps(bucket)?;
-        let valid = stamps.iter().filter(|(artifact, stamp)| self.note(artifact, stamp).is_none());
+        let valid = stamps
+            .iter()
+            .filter(|(artifact, stamp)| self.note(artifact, stamp).is_none());
         Ok(valid.map(|(artifact, _)| *artifact).collect())
     }
 

@@ -573,7 +573,8 @@ mod tests {
         s3.slow_after = Duration::from_millis(200);
         let folder = tempfile::tempdir().unwrap();
         let failures = [
-            s3.get_file("object", &folder.path().join("object"), 1 << 20).unwrap_err(),
+            s3.get_file("object", &folder.path().join("object"), 1 << 20)
+                .unwrap_err(),
             s3.get("record", 1 << 20).unwrap_err(),
             s3.list("objects/").unwrap_err(),
         ];

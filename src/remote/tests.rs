@@ -736,7 +736,10 @@ fn a_run_goes_on_without_a_server_that_drips() {
     let told = remote.take_warnings();
     assert!(told.len() == 1 && told[0].contains("too slow: it drips"), "{told:?}");
     assert!(told[0].ends_with("continuing without it"), "{told:?}");
-    assert!(memory.asked.load(Ordering::Relaxed) <= asked + 1, "it is not asked again");
+    assert!(
+        memory.asked.load(Ordering::Relaxed) <= asked + 1,
+        "it is not asked again"
+    );
     // What came is not taken for invalid.
     *memory.is_slow.lock().unwrap() = false;
     let (store, remote, _) = ben.reading(&memory, &[&anna]);

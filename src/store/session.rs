@@ -239,7 +239,9 @@ fn living(layout: &Layout, presence: &Presence) -> Result<Vec<String>, StoreErro
     let mut found = Vec::new();
     for name in presence.others()? {
         match presence.process_state(&name) {
-            ProcessState::Alive(owner) if !is_old(&name, layout) => found.push(owner.map_or(name, |owner| owner.text())),
+            ProcessState::Alive(owner) if !is_old(&name, layout) => {
+                found.push(owner.map_or(name, |owner| owner.text()))
+            }
             _ => {}
         }
     }

@@ -352,7 +352,14 @@ fn what_one_process_reads_wrongly_is_not_moved() {
     assert_eq!(fsck.code, Some(1));
     for arguments in [
         &["run", "small.yaml", "--verify", "--json"][..],
-        &["run", "small.yaml", "--verify", "--json", "--set", "stages.balanced.seed=9"],
+        &[
+            "run",
+            "small.yaml",
+            "--verify",
+            "--json",
+            "--set",
+            "stages.balanced.seed=9",
+        ],
     ] {
         fs::remove_file(&flipped).unwrap();
         let ran = failing(arguments);
