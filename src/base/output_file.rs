@@ -22,6 +22,14 @@ pub enum OutputError {
         /// The kind of file, such as "a device".
         found: &'static str,
     },
+    /// The path of a folder is something else.
+    #[error("{path} is {found}, not a folder", path = path.display())]
+    NotAFolder {
+        /// The path.
+        path: PathBuf,
+        /// The kind of file, such as "a device".
+        found: &'static str,
+    },
     /// The path is a link to nothing.
     #[error("{path} is a dangling symbolic link; remove it or choose another name", path = path.display())]
     DanglingLink {
@@ -139,7 +147,10 @@ pub fn output_folder(path: &Path) -> Result<(), OutputError> {
     if let Ok(metadata) = fs::metadata(path)
         && !metadata.is_dir()
     {
-        return Err(occupied(path, kind_of(&metadata)));
+        return Err(OutputError::NotAFolder {
+            path: path.to_owned(),
+            found: kind_of(&metadata),
+        });
     }
     if is_dangling_link(path) {
         return Err(dangling_link(path));
@@ -293,7 +304,10 @@ mod tests {
         output_folder(&at("link")).unwrap();
         fs::write(at("file"), "").unwrap();
         symlink("nothing", at("dangling")).unwrap();
-        assert!(matches!(output_folder(&at("file")), Err(OutputError::Occupied { .. })));
+        assert!(matches!(
+            output_folder(&at("file")),
+            Err(OutputError::NotAFolder { .. })
+        ));
         assert!(matches!(
             output_folder(&at("dangling")),
             Err(OutputError::DanglingLink { .. })

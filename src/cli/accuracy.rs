@@ -10,7 +10,7 @@ use clap::Args;
 use findings::Findings;
 
 use super::arguments::{StateArguments, StoreArguments, accuracy, integer};
-use super::pipeline::read_scene;
+use super::pipeline::{read_scene, warn_of_units};
 use super::progress::Bar;
 use super::{CliError, Exit, Output, csv, job, model, write};
 use deaflow_accuracy::{AccuracyError, Benchmark, Candidate, Families, Measured, Network, Reference, drawn, given};
@@ -85,12 +85,13 @@ const FILES: [&str; 3] = ["accuracy.h5", "accuracy.csv", "accuracy.png"];
 pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, CliError> {
     let bad_input = |e: AccuracyError| CliError::bad_input(e.to_string());
     let failed = |e: AccuracyError| CliError::failure(e.to_string());
-    let reference = Document::from_text(Path::new("--reference"), &arguments.reference)?;
-    let reference = Reference::read(&reference.root)?;
+    let document = Document::from_text(Path::new("--reference"), &arguments.reference)?;
+    let reference = Reference::read(&document.root)?;
+    warn_of_units(&document, output);
     let scene = arguments.state.of(read_scene(&arguments.scene, output)?)?;
     // Checked before the reference is solved, which may take long.
     reference.check_scene(&scene).map_err(bad_input)?;
-    let methods = methods(arguments, &scene, &reference)?;
+    let methods = methods(arguments, &scene, &reference, output)?;
     let methods: Vec<&Candidate> = methods.iter().collect();
     reference.check(methods.iter().copied()).map_err(bad_input)?;
     for method in &methods {
@@ -123,7 +124,12 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     })
 }
 
-fn methods(arguments: &AccuracyArguments, scene: &Scene, reference: &Reference) -> Result<Vec<Candidate>, CliError> {
+fn methods(
+    arguments: &AccuracyArguments,
+    scene: &Scene,
+    reference: &Reference,
+    output: &Output,
+) -> Result<Vec<Candidate>, CliError> {
     let mut networks = Vec::new();
     for model in &arguments.model {
         let bytes = model::weights(model, &arguments.store.folder_of_any([model]))?;
@@ -143,7 +149,9 @@ fn methods(arguments: &AccuracyArguments, scene: &Scene, reference: &Reference) 
         return Ok(usual.into_iter().chain(Candidate::networks(networks)).collect());
     };
     let document = Document::from_text(Path::new("--methods"), text)?;
-    Ok(Candidate::read_with_models(&document.root, networks)?)
+    let methods = Candidate::read_with_models(&document.root, networks)?;
+    warn_of_units(&document, output);
+    Ok(methods)
 }
 
 /// Returns the patterns by family; given patterns are a family of their own.

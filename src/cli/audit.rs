@@ -79,7 +79,7 @@ pub fn execute(arguments: &AuditArguments, output: &Output) -> Result<Exit, CliE
     }
     let report = match (locate::split(&arguments.dataset), &arguments.scene) {
         (Some((pipeline, stage)), None) => of_stage(arguments, (Path::new(pipeline), stage), output)?,
-        (None, Some(scene)) => of_file(arguments, scene)?,
+        (None, Some(scene)) => of_file(arguments, scene, output)?,
         (Some(_), Some(_)) => {
             return Err(CliError::bad_input(
                 "--scene cannot be used: the pipeline has its own scene",
@@ -104,7 +104,7 @@ pub fn execute(arguments: &AuditArguments, output: &Output) -> Result<Exit, CliE
     })
 }
 
-fn of_file(arguments: &AuditArguments, scene: &Path) -> Result<AuditReport, CliError> {
+fn of_file(arguments: &AuditArguments, scene: &Path, output: &Output) -> Result<AuditReport, CliError> {
     let request = Request {
         samples: match arguments.samples {
             Samples::Random(samples) => Some(samples),
@@ -114,6 +114,7 @@ fn of_file(arguments: &AuditArguments, scene: &Path) -> Result<AuditReport, CliE
         accuracy: arguments.accuracy,
     };
     let file = Path::new(&arguments.dataset);
+    let scene = pipeline::read_scene(scene, output)?;
     let (bar, start) = (Bar::new("audit", "percent", 100), Instant::now());
     let audited = audit::audit_file(file, scene, &request, &bar)?;
     bar.clear();
@@ -131,6 +132,7 @@ fn of_stage(arguments: &AuditArguments, (path, name): (&Path, &str), output: &Ou
     let mut sets = arguments.set.overrides()?;
     let pipeline = pipeline::load_file(path, &sets, arguments.set.many)?;
     check_kind(&pipeline, name)?;
+    pipeline.bare_numbers.iter().for_each(|note| output.warn(note));
     let store = locate::existing_store(&arguments.store.folder_of(path))?;
     let artifact = match current(&pipeline, &store, name)? {
         Ok(artifact) => artifact,

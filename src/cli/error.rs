@@ -355,6 +355,7 @@ impl From<OutputError> for CliError {
         match error {
             OutputError::Io { .. } => Self::failure(error.to_string()),
             OutputError::NoFolder { .. } => Self::bad_input(error.to_string()),
+            OutputError::NotAFolder { .. } => Self::bad_input(error.to_string()).help("name another folder with -o"),
             _ => Self::bad_input(error.to_string()).help("name a new file, or a regular file to replace, with -o"),
         }
     }

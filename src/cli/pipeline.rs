@@ -6,7 +6,7 @@ use tempfile::TempDir;
 
 use super::arguments::{PipelineArguments, SetArguments};
 use super::{CliError, Output};
-use deaflow_base::Override;
+use deaflow_base::{Document, Override};
 use deaflow_orchestrator::{MANY_STAGES, Pipeline};
 use deaflow_scene::Scene;
 use deaflow_stage as stage;
@@ -63,6 +63,13 @@ pub fn read_scene(path: &Path, output: &Output) -> Result<Scene, CliError> {
     let read = stage::direct::read_scene_with(path, stage::direct::Changes::default())?;
     read.bare_numbers.into_iter().for_each(|note| output.warn(note));
     Ok(read.scene)
+}
+
+/// Prints how numbers without a unit in the value of an option were read, after it was read.
+pub fn warn_of_units(document: &Document, output: &Output) {
+    let note = document.root.bare_numbers();
+    note.into_iter()
+        .for_each(|note| output.warn(format_args!("{}: {note}", document.root.file().display())));
 }
 
 /// Reads a lock file.

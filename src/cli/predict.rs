@@ -115,7 +115,7 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
     };
     let job = Job::start("predict", file, "predict", patterns.len());
     let (fields, seconds) = predict(&surrogate, &patterns, &job.bar)?;
-    let of = |calibration| Intervals::of(calibration, &arguments.objective, &patterns, &fields);
+    let of = |calibration| Intervals::of(calibration, &arguments.objective, &patterns, &fields, output);
     let intervals = calibration.map(of).transpose()?;
     let parameters = format!("model {}", arguments.model);
     if let (Some(intervals), Some(table)) = (&intervals, &table) {

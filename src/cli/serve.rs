@@ -54,6 +54,7 @@ pub fn serve(options: Options, start: StartView, port: u16, output: &Output) -> 
     }
     let (store, allow_run) = (options.store.clone(), options.allow_run);
     let state = Arc::new(ServerState::new(options)?);
+    state.notes().iter().for_each(|note| output.warn(note));
     let served = Server::listen(port)?;
     let view = match start {
         StartView::Overview => "",

@@ -53,6 +53,8 @@ pub struct NamedScene {
     pub scene: Scene,
     /// The file of the scene or of its pipeline; `None` for the built-in scene.
     pub file: Option<PathBuf>,
+    /// How numbers without a unit in it were read; `None` if all have one.
+    pub bare_numbers: Option<String>,
 }
 
 /// The state of a server.
@@ -62,6 +64,7 @@ pub struct ServerState {
     allow_run: bool,
     own_scene: Option<NamedScene>,
     first_pattern: Vec<Vec<u8>>,
+    notes: Vec<String>,
     store: Mutex<Option<Arc<Store>>>,
     scenes: Mutex<Vec<NamedScene>>,
     /// Solvers.
@@ -88,10 +91,18 @@ impl ServerState {
     /// # Errors
     /// If one of them cannot be used. Pipelines that break later, or that past runs name, are shown with their errors.
     pub fn new(options: Options) -> Result<Self, InputError> {
+        let mut notes = Vec::new();
+        let mut add = |path: &Path, bare: Option<&String>| {
+            notes.extend(bare.map(|note| format!("{}: {note}", path.display())));
+        };
         for path in &options.pipelines {
-            Pipeline::load(path, &[], &stage::registry())?;
+            let pipeline = Pipeline::load(path, &[], &stage::registry())?;
+            add(path, pipeline.bare_numbers.as_ref());
         }
         let own_scene = options.scene.as_deref().map(named_scene).transpose()?;
+        if let (Some(path), Some(own)) = (&options.scene, &own_scene) {
+            add(path, own.bare_numbers.as_ref());
+        }
         let first_pattern = match (&options.pattern, &own_scene) {
             (Some(pattern), Some(own)) => {
                 let found = direct::patterns(std::slice::from_ref(pattern), own.scene.form())?.patterns;
@@ -109,6 +120,7 @@ impl ServerState {
             allow_run: options.allow_run,
             own_scene,
             first_pattern,
+            notes,
             store: Mutex::default(),
             scenes: Mutex::default(),
             solvers: SolverCache::default(),
@@ -122,6 +134,12 @@ impl ServerState {
         };
         state.read_scenes();
         Ok(state)
+    }
+
+    /// Says how numbers without a unit in the files of the options were read.
+    #[must_use]
+    pub fn notes(&self) -> &[String] {
+        &self.notes
     }
 
     /// Whether the page may start runs.
@@ -209,6 +227,7 @@ impl ServerState {
                 name,
                 scene: Scene::vhb4910(),
                 file: None,
+                bare_numbers: None,
             });
         }
         let mut seen: Vec<String> = Vec::new();
@@ -285,9 +304,11 @@ fn named_scene(path: &Path) -> Result<NamedScene, InputError> {
     let name = path
         .file_stem()
         .map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let read = direct::read_scene_with(path, direct::Changes::default())?;
     Ok(NamedScene {
         name,
-        scene: direct::read_scene(path)?,
+        scene: read.scene,
         file: Some(path.to_owned()),
+        bare_numbers: read.bare_numbers,
     })
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::direct::{self, read_scene};
+use super::direct;
 use deaflow_base::InputError;
 use deaflow_content::{ArtifactKind, DesignRows, StoredAttribute, Verification, VerificationView};
 use deaflow_design::{DesignFilter, DesignLabel, SimulatedScore};
@@ -113,12 +113,11 @@ fn scores(view: &VerificationView<'_>) -> Result<Vec<Option<SimulatedScore>>, St
         .collect())
 }
 
-/// Reads the only pattern of a file, with the scene in another file.
+/// Reads the only pattern of a file, for a scene.
 ///
 /// # Errors
-/// If a file cannot be read, or the first has several patterns.
-pub fn of_file(file: &str, scene: &Path) -> Result<Design, InputError> {
-    let scene = read_scene(scene)?;
+/// If the file cannot be read, or has several patterns.
+pub fn of_file(file: &str, scene: Scene) -> Result<Design, InputError> {
     let patterns = direct::patterns(&[file.to_owned()], scene.form())?.patterns;
     let [pattern] = patterns.as_slice() else {
         let message = format!(

@@ -406,10 +406,8 @@ fn what_cannot_be_exported_is_refused_and_nothing_is_written() {
     for (name, blocks) in [("x.svg", "2"), ("x.vtkhdf", "200"), ("x.vtkhdf", "4")] {
         let mut command = workspace.command(&[]);
         let binary = command.get_program().to_owned();
-        command = Command::new("sh");
+        command = workspace.dressed("sh");
         command
-            .current_dir(workspace.path(""))
-            .env("HDF5_USE_FILE_LOCKING", "FALSE")
             .args(["-c", "trap '' XFSZ; ulimit -f $1; shift; exec \"$@\"", "sh", blocks])
             .arg(binary)
             .args(["export", "design", "hard.csv", "-o", name])

@@ -281,11 +281,10 @@ fn colours_are_for_terminals_that_want_them() {
     workspace.write("bad.yaml", "version: 2\nname: bad\nstages: {}\n");
     let coloured = |no_color: Option<&str>| {
         let line = format!("{} run bad.yaml", env!("CARGO_BIN_EXE_deaflow"));
-        let mut command = std::process::Command::new("script");
+        let mut command = workspace.dressed("script");
         command
             .args(["-qec", &line, "/dev/null"])
-            .current_dir(workspace.path(""));
-        command.env_remove("NO_COLOR").stdin(std::process::Stdio::null());
+            .stdin(std::process::Stdio::null());
         no_color.map(|value| command.env("NO_COLOR", value));
         let output = command.output().unwrap();
         assert_eq!(output.status.code(), Some(2));

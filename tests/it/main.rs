@@ -6,6 +6,7 @@ mod any_membrane;
 mod arrays;
 mod audit;
 mod browser;
+mod cache;
 mod cli;
 mod cluster;
 mod collect;

@@ -14,11 +14,7 @@ fn on_terminal(workspace: &Workspace, columns: usize, arguments: &[&str]) -> Com
     let words = std::iter::once(env!("CARGO_BIN_EXE_deaflow")).chain(arguments.iter().copied());
     let line = format!("stty cols {columns} rows 50; exec {}", shlex::try_join(words).unwrap());
     let mut command = workspace.dressed("script");
-    command
-        .args(["-qec", &line, "/dev/null"])
-        .env_remove("DEAFLOW_REMOTE")
-        .env_remove("CLICOLOR");
-    command.env("TERM", "xterm").env("HDF5_USE_FILE_LOCKING", "FALSE");
+    command.args(["-qec", &line, "/dev/null"]).env("TERM", "xterm");
     command
 }
 

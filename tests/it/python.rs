@@ -1,6 +1,6 @@
 //! docs/deaflow.py reads what a run has made.
 
-use std::process::{Command, Output};
+use std::process::Output;
 
 use serde_json::Value;
 
@@ -8,9 +8,9 @@ use super::common::{Transcript, Workspace, files, snapshot};
 
 fn python(workspace: &Workspace, script: &str) -> Output {
     let module = concat!(env!("CARGO_MANIFEST_DIR"), "/docs");
-    let mut command = Command::new(super::h5py::python());
+    let mut command = workspace.dressed(&super::h5py::python());
     command.args(["-B", "-c", script]).env("PYTHONPATH", module);
-    command.current_dir(workspace.path("")).output().unwrap()
+    command.output().unwrap()
 }
 
 fn printed(workspace: &Workspace, script: &str) -> String {

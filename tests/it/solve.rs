@@ -392,6 +392,33 @@ fn a_number_without_a_unit_is_warned_of_once_with_how_it_was_read() {
             "{told:?}"
         );
     }
+    // So do other commands that use its numbers, and not those that only read the file.
+    let set = ["--set", "scene.geometry.thickness=1"];
+    let told = |arguments: &[&str]| {
+        let text = tiny.run(arguments).stderr;
+        text.matches("thickness: 1 as 1 mm").count()
+    };
+    assert_eq!(told(&[&["explain", "tiny.yaml", "solved"][..], &set].concat()), 1);
+    let text = std::fs::read_to_string(tiny.path("tiny.yaml")).unwrap();
+    tiny.write("tiny.yaml", &text.replace("1.0 mm", "1"));
+    assert_eq!(told(&["explain", "tiny.yaml", "solved"]), 1);
+    for command in ["dag", "status"] {
+        assert_eq!(told(&[command, "tiny.yaml"]), 0, "{command}");
+    }
+    // Options with a document name it.
+    workspace.write("taken", "");
+    for (option, value) in [
+        ("--reference", "{ accuracy: 0.01 }"),
+        ("--methods", "[{ accuracy: 0.01 }]"),
+    ] {
+        let said = warned(&["accuracy", "scene.yaml", option, value, "-o", "taken"]);
+        let of_option = said
+            .iter()
+            .filter(|line| line.starts_with(&format!("warning: {option}: ")));
+        let of_option: Vec<_> = of_option.collect();
+        assert_eq!(of_option.len(), 1, "{said:?}");
+        assert!(of_option[0].ends_with("accuracy: 0.01 as 0.01 mm"), "{said:?}");
+    }
 }
 
 #[test]

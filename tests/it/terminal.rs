@@ -1,7 +1,6 @@
 //! Text from elsewhere changes nothing about a terminal, whichever way it comes.
 
 use std::fs;
-use std::process::Command;
 
 use super::common::{Ended, SMALL, Workspace, files};
 
@@ -174,11 +173,10 @@ fn on_a_terminal_only_our_own_colours_are_sent() {
     let mut coloured = 0;
     for name in ["bad.yaml", "worse.yaml", "bad*x*.yaml", "none*.yaml"] {
         let line = format!("{} plan {name}", env!("CARGO_BIN_EXE_deaflow"));
-        let mut command = Command::new("script");
+        let mut command = workspace.dressed("script");
         command
             .args(["-qec", &line, "/dev/null"])
-            .current_dir(workspace.path(""));
-        command.env_remove("NO_COLOR").stdin(std::process::Stdio::null());
+            .stdin(std::process::Stdio::null());
         let output = command.output().unwrap();
         let text = String::from_utf8(output.stdout).unwrap();
         assert!(text.contains("error:"), "{name}: {text:?}");

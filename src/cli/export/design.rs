@@ -12,6 +12,7 @@ use super::format_of;
 use super::membrane;
 use crate::arguments::{StateArguments, StoreArguments, TOLERANCE, integer, number};
 use crate::job::extend;
+use crate::pipeline::read_scene;
 use crate::{CliError, Exit, Output, locate, write};
 use deaflow_design::DesignFilter;
 use deaflow_fem::SolveOptions;
@@ -162,7 +163,11 @@ const PIXELS_PER_MM: f64 = 20.0;
 pub fn execute(arguments: &ExportDesignArguments, output: &Output) -> Result<Exit, CliError> {
     let format = format_of(arguments.format, &arguments.output, &DesignFormat::ALL)?;
     check_options(arguments, format)?;
-    let design = in_state(of_group(design(arguments)?, arguments, format)?, arguments, format)?;
+    let design = in_state(
+        of_group(design(arguments, output)?, arguments, format)?,
+        arguments,
+        format,
+    )?;
     let path = path(arguments, &design, format);
     let scene = arguments.scene.iter().map(|scene| scene.display().to_string());
     let inputs: Vec<String> = scene.chain([arguments.source.clone()]).collect();
@@ -228,10 +233,10 @@ fn check_options(arguments: &ExportDesignArguments, format: DesignFormat) -> Res
     Err(CliError::bad_input(format!("{unused} cannot be used with --format {}", format.name())).help(why))
 }
 
-fn design(arguments: &ExportDesignArguments) -> Result<Design, CliError> {
+fn design(arguments: &ExportDesignArguments, output: &Output) -> Result<Design, CliError> {
     let source = arguments.source.as_str();
     if let Some(scene) = &arguments.scene {
-        return Ok(designs::of_file(source, scene)?);
+        return Ok(designs::of_file(source, read_scene(scene, output)?)?);
     }
     let extension = Path::new(source)
         .extension()

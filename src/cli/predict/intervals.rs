@@ -6,11 +6,12 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::calibration::NamedCalibration;
+use crate::pipeline::warn_of_units;
 use crate::results::FEW;
 use crate::table::{Cell, Table, table};
 use crate::text::Text;
 use crate::tone::Tone;
-use crate::{CliError, csv, write};
+use crate::{CliError, Output, csv, write};
 use deaflow_base::Document;
 use deaflow_content::{LongTexts, ObjectiveIntervals, PredictionIntervals};
 use deaflow_design::{Goal, Objective};
@@ -51,11 +52,12 @@ impl Intervals {
         objectives: &[String],
         patterns: &[Pattern],
         fields: &[Field],
+        output: &Output,
     ) -> Result<Self, CliError> {
         let scene = &calibration.calibrated.scene;
         let requested = objectives
             .iter()
-            .map(|text| requested_objective(text, scene))
+            .map(|text| requested_objective(text, scene, output))
             .collect::<Result<Vec<_>, _>>()?;
         let model = &calibration.calibrated.calibration;
         let half_widths: Vec<_> = requested
@@ -256,9 +258,10 @@ impl Intervals {
 }
 
 /// Reads an objective in the syntax of a design stage.
-fn requested_objective(text: &str, scene: &Scene) -> Result<RequestedObjective, CliError> {
+fn requested_objective(text: &str, scene: &Scene, output: &Output) -> Result<RequestedObjective, CliError> {
     let document = Document::from_text(Path::new("--objective"), text)?;
     let objective = Objective::read(&document.root)?;
+    warn_of_units(&document, output);
     let goal = objective.goal(scene, None, 0.0);
     Ok(RequestedObjective {
         text: objective.to_text(),

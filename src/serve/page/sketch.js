@@ -134,10 +134,11 @@ class Sketchpad {
     this.changed(true);
   }
 
-  /** Scenes that cannot be used, with their errors. */
+  /** How numbers without a unit in the scene were read, and scenes that cannot be used, with their errors. */
   refusals() {
     const one = (/** @type {any} */ { path, error }) => h("details", { class: "small refused", open: true }, h("summary", {}, h("span", { class: "error" }, "invalid scene: "), h("span", { class: "mono" }, near(path))), problem(error));
-    return h("div", {}, this.refused.map(one));
+    const note = this.scene.note ? h("p", { class: "small warning", id: "scene-note" }, this.scene.note) : null;
+    return h("div", {}, note, this.refused.map(one));
   }
 
   sceneControls() {

@@ -54,6 +54,7 @@ fn document(named: &NamedScene) -> Value {
     json!({
         "name": named.name,
         "text": scene.to_text(),
+        "note": named.bare_numbers,
         "columns": columns,
         "rows": rows,
         "size_mm": membrane.size_mm,

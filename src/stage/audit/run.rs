@@ -7,7 +7,7 @@ use super::content::content;
 use super::contradictions::{other_effects, other_scene};
 use super::label_limits::{Trust, USUAL_ACCURACY, label_limits};
 use super::source::Source;
-use crate::direct::{DirectError, read_scene};
+use crate::direct::DirectError;
 use crate::scene::device_of;
 use deaflow_base::{InputError, Progress, Quantity, open_regular};
 use deaflow_content::{Audit, FROM_FILE};
@@ -35,13 +35,12 @@ pub struct Request {
     pub accuracy: Option<Quantity>,
 }
 
-/// Audits a file in the layout of `deaflow solve` by simulations in the scene of another file. Returns the content that
-/// the artifact of an audit stage would have.
+/// Audits a file in the layout of `deaflow solve` by simulations in a scene. Returns the content that the artifact of an
+/// audit stage would have.
 ///
 /// # Errors
-/// If a file cannot be read, or a simulator cannot be set up.
-pub fn audit_file(file: &Path, scene: &Path, request: &Request, progress: &dyn Progress) -> Result<Audit, DirectError> {
-    let scene = read_scene(scene)?;
+/// If the file cannot be read, or a simulator cannot be set up.
+pub fn audit_file(file: &Path, scene: Scene, request: &Request, progress: &dyn Progress) -> Result<Audit, DirectError> {
     let unreadable = |e: StoreError| {
         let help = "the arrays must be in the file itself; or give the stage: deaflow audit PIPELINE.yaml:STAGE";
         InputError::new(e.to_string()).help(help)

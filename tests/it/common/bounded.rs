@@ -50,23 +50,6 @@ impl Workspace {
         assert!(!ended.stderr.contains(odd), "{arguments:?}: {shown:?}");
         ended.stderr
     }
-
-    /// Any other program, in the workspace and without inherited settings.
-    pub fn dressed(&self, program: &str) -> Command {
-        let mut command = Command::new(program);
-        command.current_dir(self.path(""));
-        for setting in [
-            "DEAFLOW_STORE",
-            "DEAFLOW_JOBS",
-            "RAYON_NUM_THREADS",
-            "RUST_BACKTRACE",
-            "NO_COLOR",
-            "CLICOLOR_FORCE",
-        ] {
-            command.env_remove(setting);
-        }
-        command
-    }
 }
 
 /// Waits for a command, but not for ever. Its output goes to files, which do not fill up as pipes do.

@@ -85,9 +85,10 @@ pub fn with_scene_in_a_file(pipeline: &str) -> (String, &str) {
     (format!("{header}scene: scene.yaml\nstages:\n{stages}"), stages)
 }
 
-/// A folder that is removed at the end.
+/// A folder that is removed at the end, and one for what a command keeps for its user.
 pub struct Workspace {
     folder: tempfile::TempDir,
+    user: tempfile::TempDir,
 }
 
 /// How a command ended.
@@ -101,6 +102,7 @@ impl Workspace {
     pub fn new() -> Self {
         Self {
             folder: tempfile::tempdir().unwrap(),
+            user: tempfile::tempdir().unwrap(),
         }
     }
 
@@ -128,11 +130,20 @@ impl Workspace {
 
     /// The command, ready to be started.
     pub fn command(&self, arguments: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_deaflow"));
-        command.args(arguments).current_dir(self.folder.path());
+        let mut command = self.dressed(env!("CARGO_BIN_EXE_deaflow"));
+        command.args(arguments);
+        command
+    }
+
+    /// Any other program, in the workspace, without inherited settings and without the cache and the configuration of
+    /// the user.
+    pub fn dressed(&self, program: &str) -> Command {
+        let mut command = Command::new(program);
+        command.current_dir(self.folder.path());
         for setting in [
             "DEAFLOW_STORE",
             "DEAFLOW_REMOTE",
+            "DEAFLOW_CONFIG",
             "DEAFLOW_JOBS",
             "CLICOLOR",
             "CLICOLOR_FORCE",
@@ -142,7 +153,8 @@ impl Workspace {
         ] {
             command.env_remove(setting);
         }
-        command.env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
+        command.env("XDG_CACHE_HOME", self.user.path().join("cache"));
+        command.env("XDG_CONFIG_HOME", self.user.path().join("config"));
         // What the tests themselves have open is inherited, with its locks, by whatever they start meanwhile.
         command.env("HDF5_USE_FILE_LOCKING", "FALSE");
         command

@@ -5,6 +5,7 @@ use std::net::TcpStream;
 use std::process::{Child, Stdio};
 use std::time::Duration;
 
+use rustix::process::Signal;
 use serde_json::{Value, json};
 
 use super::super::common::{SHORT, Workspace, scene_file, with_scene_in_a_file};
@@ -493,6 +494,31 @@ fn an_effect_that_lacks_its_data_says_so_before_it_is_asked_for() {
         "{stiffening}"
     );
     assert_eq!(effect("wrinkling")["refused"], Value::Null);
+}
+
+#[test]
+fn numbers_without_a_unit_are_noted_at_the_start_and_beside_the_scene() {
+    let workspace = with_scene();
+    let scene = std::fs::read_to_string(workspace.path("scene.yaml")).unwrap();
+    let bare = scene.replace("5.25 kV", "5250");
+    assert_ne!(bare, scene);
+    workspace.write("scene.yaml", &bare);
+    workspace.write("short.yaml", &with_scene_in_a_file(SHORT).0);
+    for (arguments, path) in [
+        (["sketch", "scene.yaml"], "drive.voltage"),
+        (["serve", "short.yaml"], "scene.drive.voltage"),
+    ] {
+        let server = Server::start(&workspace, &arguments);
+        let found = server.get("/api/scenes").json();
+        let note = found["scenes"][0]["note"].as_str().unwrap().to_owned();
+        assert!(note.ends_with("drive.voltage: 5250 as 5250 V"), "{note}");
+        let said = server.end(Signal::TERM).stderr;
+        let warning = format!(
+            "warning: {}: numbers without a unit were read in base units: {path}: 5250 as 5250 V\n",
+            arguments[1]
+        );
+        assert_eq!(said, warning);
+    }
 }
 
 #[test]
