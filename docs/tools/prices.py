@@ -4,7 +4,7 @@
     python3 docs/tools/prices.py target/release/deaflow [--repeat N] [--csv FILE]
 
 It runs a small pipeline in its own store, then makes one change after another, and compares each time the estimates of `plan` with the
-seconds of `run`. The store then has the costs of earlier changes, as usual. It takes some minutes and needs only Python. Times depend on other work of the
+seconds of `run`, of stages that ran in parallel with their share. The store then has the costs of earlier changes, as usual. It takes some minutes and needs only Python. Times depend on other work of the
 machine: the last line has the load before and after."""
 
 import argparse
@@ -28,6 +28,9 @@ stages:
   solved:    { kind: solve, needs: [small, bezier], elements_per_cell: 2 }
   balanced:  { kind: balance, needs: [solved], bins: 50, range: [0 mm, 2.5 mm], target: 200, symmetry: d4, seed: 4 }
   surrogate: { kind: train, needs: [balanced], network: physics, epochs: 2, seed: 5 }
+  audited:   { kind: audit, needs: [balanced], samples: 8, seed: 1, fail_on: never }
+  mine:      { kind: import, files: [few.csv] }
+  checked:   { kind: audit, needs: [mine], samples: 8, seed: 1, fail_on: never }
   design:    { kind: design, needs: [surrogate], evaluator: surrogate, objective: { point: [25 mm, 25 mm], direction: 0 deg }, area: 0.5, population: 100, generations: 10, seed: 6 }
   optimum:   { kind: design, method: adjoint, objective: { point: [25 mm, 25 mm], direction: 0 deg }, area: 0.5, units: 20, starts: 2, seed: 7 }
   verified:  { kind: verify, needs: [design, optimum], elements_per_cell: 2 }
@@ -61,6 +64,13 @@ CHANGES = [
     ["design.population=400"],
     ["design.area=0.4", "optimum.area=0.4"],
     ["design.seed=8"],
+    ["audited.samples=16"],
+    ["audited.samples=2"],
+    ["mine.files=[many.csv]"],
+    ["mine.files=[more.csv]"],
+    ["mine.files=[few.csv, many.csv]"],
+    ["mine.files=[three.csv]"],
+    ["checked.samples=32"],
     ["design.mutation=0.2"],
     ["optimum.starts=4"],
     ["optimum.units=50"],
@@ -92,6 +102,25 @@ def stages(program, command, file, store, change):
     return {stage["name"]: stage for stage in json.loads(done.stdout)["stages"]}
 
 
+def write_labels(program, folder):
+    """Writes files with labels of 3 to 300 patterns, for imports."""
+    scene = PIPELINE.split("scene:\n")[1].split("stages:\n")[0]
+    with open(os.path.join(folder, "scene.yaml"), "w", encoding="utf-8") as file:
+        file.write("\n".join(line[2:] for line in scene.splitlines()))
+    for name, count in [("three", 3), ("few", 10), ("many", 100), ("more", 300)]:
+        cells = bytes((i % 2500 // 50 * 7 + i % 50 + 3 * (i // 2500)) % (40 + i // 2500 % 11) < 20 for i in range(count * 2500))
+        header = f"{{'descr': '|u1', 'fortran_order': False, 'shape': ({count}, 50, 50), }}\n".encode()
+        with open(os.path.join(folder, f"{name}.npy"), "wb") as file:
+            file.write(b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + cells)
+        command = [program, "solve", "scene.yaml", f"{name}.npy", "-o", f"{name}.h5"]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+        if done.returncode not in (0, 3):
+            sys.exit(f"solve {name}: exit code {done.returncode}: {done.stderr}")
+        # A table does not name its scene, so that it can be imported into others.
+        with open(os.path.join(folder, f"{name}.csv"), "w", encoding="utf-8") as file:
+            subprocess.run([program, "show", f"{name}.h5", "--corners"], cwd=folder, stdout=file, check=True)
+
+
 def measure(program, repeat):
     """Returns one row per stage built after a change."""
     rows = []
@@ -100,6 +129,7 @@ def measure(program, repeat):
             file, store = os.path.join(folder, "prices.yaml"), os.path.join(folder, "store")
             with open(file, "w", encoding="utf-8") as pipeline:
                 pipeline.write(PIPELINE)
+            write_labels(program, folder)
             stages(program, "run", file, store, [])
             for change in CHANGES:
                 planned = stages(program, "plan", file, store, change)
@@ -116,7 +146,8 @@ def measure(program, repeat):
                         "low": price and price["low"],
                         "likely": price and price["likely"],
                         "high": price and price["high"],
-                        "took": stage["seconds"],
+                        # Stages that ran in parallel share the time; a price estimates the share.
+                        "took": stage.get("part", stage["seconds"]),
                         "unmeasured": planned[name].get("unmeasured") or "",
                     })
     return rows

@@ -144,21 +144,24 @@ impl Pace {
         let steps = (self.length as f64 - self.position()).max(0.0);
         // A small part of the first step is not representative.
         let is_known = |_: &f64| self.estimate.is_some() || self.own() >= MIN_PART;
-        let measured = self.rate(at).map(|rate| steps / rate).filter(is_known);
-        match (measured, self.estimate_left(at)) {
+        // Without progress the rate is not measured anew: the time left must not rise while nothing moves.
+        let rest = |rate: f64| (steps / rate - (at - self.last)).max(0.0);
+        let measured = self.rate(self.last).map(rest).filter(is_known);
+        match (measured, self.estimate) {
             _ if self.overdue(at).is_some() => None,
             (Some(measured), Some(estimate)) => {
                 let weight = self.own().min(1.0);
-                Some(weight * measured + (1.0 - weight) * estimate)
+                Some(weight * measured + (1.0 - weight) * (estimate - at).max(0.0))
             }
-            (one, other) => one.or(other),
+            (Some(measured), None) => Some(measured),
+            (None, _) => self.estimate_left(at),
         }
     }
 
     /// Describes the rate in steps per second or minute, and the remaining time; empty if nothing is known.
     pub fn describe(&self, at: f64) -> String {
         let left = self.left(at).filter(|left| *left > 0.0).map(table::seconds);
-        match (self.rate(at), left) {
+        match (self.rate(self.last), left) {
             (Some(per_second), Some(left)) => format!("{}, {left} left", rate(per_second)),
             (Some(per_second), None) if self.overdue(at).is_some() => {
                 let silent = at - self.last;
@@ -223,15 +226,56 @@ mod tests {
             pace.advance(0.25 * f64::from(step), 1);
         }
         assert_eq!(pace.describe(10.0), "4.0/s, 0.25 s left");
-        assert_eq!(pace.describe(10.5), "3.8/s, 0.26 s left", "half a second says nothing");
-        assert_eq!(pace.describe(14.0), "2.9/s, current step: 4.00 s");
+        assert_eq!(pace.describe(10.1), "4.0/s, 0.15 s left");
+        assert_eq!(pace.describe(10.5), "4.0/s", "half a second says nothing");
+        assert_eq!(pace.describe(14.0), "4.0/s, current step: 4.00 s");
         pace.advance(15.0, 1);
-        assert_eq!(pace.describe(20.5), "2.0/s", "all steps are done");
+        assert_eq!(pace.describe(20.5), "2.7/s", "all steps are done");
         // Where steps are long, nothing is heard for as long.
         let mut pace = Pace::new(4, None);
         pace.advance(20.0, 1);
-        assert_eq!(pace.describe(45.0), "1.3/min, 2 min 15 s left");
-        assert_eq!(pace.describe(55.0), "1.1/min, current step: 35.0 s");
+        assert_eq!(pace.describe(45.0), "3.0/min, 35.0 s left");
+        assert_eq!(pace.describe(55.0), "3.0/min, current step: 35.0 s");
+    }
+
+    /// Checks that the time left falls without progress, from one time to another, until it is not known or over.
+    fn falls(pace: &Pace, from: f64, to: f64) {
+        let mut before = f64::INFINITY;
+        for tenth in 0..=(10.0 * (to - from)) as u32 {
+            let at = from + 0.1 * f64::from(tenth);
+            let left = pace.left(at).unwrap_or(0.0);
+            assert!(
+                left < before || (left, before) == (0.0, 0.0),
+                "{left} after {before} at {at} s"
+            );
+            before = left;
+        }
+    }
+
+    #[test]
+    fn the_time_left_never_rises_while_nothing_moves() {
+        let mut pace = Pace::new(100, None);
+        for second in [3.0, 6.0, 9.0] {
+            pace.advance(second, 1);
+        }
+        assert_eq!(pace.left(9.0), Some(291.0));
+        falls(&pace, 9.0, 60.0);
+        // Within the first step, also when the time of the plan is over.
+        for estimate in [None, Some(5.0), Some(30.0), Some(500.0)] {
+            let mut pace = Pace::new(10, estimate);
+            falls(&pace, 0.0, 10.0);
+            pace.set_part(10.0, 0.0);
+            pace.set_part(20.0, 0.5);
+            falls(&pace, 20.0, 600.0);
+            pace.resume(600.0, 3);
+            falls(&pace, 600.0, 700.0);
+        }
+        // A last minute that was faster than those before.
+        let mut pace = Pace::new(10_000, None);
+        for second in 1..=300 {
+            pace.advance(f64::from(second), 1 + u64::from(second > 200) * 9);
+        }
+        falls(&pace, 300.0, 1000.0);
     }
 
     #[test]

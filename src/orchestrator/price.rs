@@ -4,7 +4,8 @@
 //! the ones with about the same amount of work. Work is the number of steps times their weight (elements, individuals);
 //! for a stage in one piece it is proportional to the size of its inputs, in each step if each step reads all of them.
 //! Costs of another class, such as another network, are not used. The range spans the measured costs and is widened the
-//! more the stages differ; `docs/tools/prices.py` measures how often the actual cost lies within.
+//! more the stages differ. Of much more or less work than was measured a part of the time may be fixed.
+//! `docs/tools/prices.py` measures how often the actual cost lies within.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -18,7 +19,11 @@ use deaflow_store::Cost;
 const LATEST: usize = 8;
 
 /// Time for starting and ending a stage, s.
-const OVERHEAD: f64 = 0.05;
+const OVERHEAD: f64 = 0.1;
+
+/// The part of the time of a stage that may not grow with the work is at most this, s: to start processes and to read
+/// files. A stage in one piece that goes once through its inputs, such as an audit, may have any fixed part.
+const FIXED: f64 = 1.0;
 
 /// Amounts of work up to this ratio count as about the same.
 const SIMILAR_RATIO: f64 = 3.0;
@@ -120,6 +125,17 @@ impl Estimate {
             low: self.low + other.low,
             likely: self.likely + other.likely,
             high: self.high + other.high,
+        }
+    }
+
+    /// Returns the range for `growth` times the work, of whose time a share may be fixed: from that to proportional
+    /// growth.
+    fn partly_fixed(self, growth: f64, fixed: f64) -> Self {
+        let factor = (fixed + (1.0 - fixed) * growth) / growth;
+        Self {
+            low: self.low * factor.min(1.0),
+            likely: self.likely * factor.sqrt(),
+            high: self.high * factor.max(1.0),
         }
     }
 
@@ -233,11 +249,11 @@ pub fn price(costs: &[Cost], work: &CostQuery) -> Result<Price, Unmeasured> {
     let by_input =
         latest.iter().all(|cost| cost.input_bytes > 0) && work.chunks.is_none() && work.time_scales_with_inputs;
     let by_input = work.input_bytes.filter(|_| by_input);
-    let ratio = latest
-        .iter()
-        .map(|cost| work_ratio(cost, work))
-        .fold(f64::INFINITY, f64::min);
-    let widening = widening(nearest, latest.len()) * ratio.powf(RATIO_EXPONENT);
+    let ratio = nearest_amount(&latest, work).map_or(1.0, |cost| work_ratio(cost, work));
+    // A stage in one piece that goes once through its inputs: any part of its time may be fixed.
+    let is_open = by_input.is_some() && !work.repeats_inputs;
+    let extrapolated = if is_open { ratio.min(SIMILAR_RATIO) } else { ratio };
+    let widening = widening(nearest, latest.len()) * extrapolated.powf(RATIO_EXPONENT);
     let each = |cost: &Cost| cost.steps as f64 * cost.weight;
     let seconds = latest.iter().map(|cost| {
         let threads = (cost.jobs.min(cost.chunks.max(1))) as f64;
@@ -248,7 +264,20 @@ pub fn price(costs: &[Cost], work: &CostQuery) -> Result<Price, Unmeasured> {
             (None, None, _) => cost.seconds / each(cost),
         }
     });
-    let seconds = Estimate::of_times(seconds.collect(), widening).ok_or(Unmeasured::Kind)?;
+    let mut seconds = Estimate::of_times(seconds.collect(), widening).ok_or(Unmeasured::Kind)?;
+    if ratio > SIMILAR_RATIO
+        && let Some(nearest) = nearest_amount(&latest, work)
+    {
+        let fixed = if is_open {
+            1.0
+        } else {
+            (FIXED / nearest.seconds).min(1.0)
+        };
+        let range = seconds.partly_fixed(growth(nearest, work), fixed);
+        // Of other stages most of the time grows with the work.
+        let likely = if is_open { range.likely } else { seconds.likely };
+        seconds = Estimate { likely, ..range };
+    }
     let threads = work.chunks.map_or(1, |chunks| work.jobs.min(chunks)).max(1);
     let steps = work.steps as f64;
     let amount = match by_input {
@@ -332,8 +361,20 @@ fn similar<'a>(costs: Vec<&'a Cost>, work: &CostQuery) -> Vec<&'a Cost> {
     if similar.is_empty() { costs } else { similar }
 }
 
-/// Returns the ratio of the amounts of work, 1 or more. Assembling existing chunks counts as 1.
+/// Returns the cost whose amount of work differs least.
+fn nearest_amount<'a>(costs: &[&'a Cost], work: &CostQuery) -> Option<&'a Cost> {
+    let by_ratio = |a: &&Cost, b: &&Cost| work_ratio(a, work).total_cmp(&work_ratio(b, work));
+    costs.iter().copied().min_by(by_ratio)
+}
+
+/// Returns the ratio of the amounts of work, 1 or more.
 fn work_ratio(cost: &Cost, work: &CostQuery) -> f64 {
+    let growth = growth(cost, work);
+    growth.max(1.0 / growth)
+}
+
+/// Returns how many times the earlier amount of work is to be done. Assembling existing chunks counts as 1.
+fn growth(cost: &Cost, work: &CostQuery) -> f64 {
     if work.steps == 0 {
         return 1.0;
     }
@@ -344,11 +385,10 @@ fn work_ratio(cost: &Cost, work: &CostQuery) -> f64 {
         }
         _ => 1.0,
     };
-    let ratio = match work.repeats_inputs || work.chunks.is_some() || !work.time_scales_with_inputs {
+    match work.repeats_inputs || work.chunks.is_some() || !work.time_scales_with_inputs {
         true => of_steps * of_input,
         false => of_input * work.weight / cost.weight,
-    };
-    ratio.max(1.0 / ratio)
+    }
 }
 
 /// Returns the number of differences.
@@ -370,7 +410,9 @@ fn distance(cost: &Cost, work: &CostQuery) -> usize {
 /// Returns the factor that widens the range: larger for more differences and fewer measurements.
 fn widening(distance: usize, measured: usize) -> f64 {
     match (distance, measured) {
-        (0, 0..=2) => 1.6,
+        // A single time does not show how much times vary.
+        (0 | 1, 0..=1) => 2.5,
+        (0, 2) => 1.6,
         (0, _) => 1.4,
         (1, _) => 2.0,
         (2, _) => 2.5,
@@ -471,6 +513,44 @@ mod tests {
             ..work(None, 16)
         };
         assert!((price(&costs, &once).unwrap().seconds.likely - 8.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_time_of_much_more_work_is_partly_fixed() {
+        let costs = [Cost {
+            chunks: 1,
+            ..cost(100, 4.0)
+        }];
+        let of = |bytes: u64| {
+            let work = CostQuery {
+                input_bytes: Some(bytes),
+                repeats_inputs: false,
+                ..work(None, 100)
+            };
+            price(&costs, &work).unwrap().seconds
+        };
+        // An audit of 600 times the input takes between as long and 600 times as long.
+        let long = of(600_000);
+        let widening = 2.5 * SIMILAR_RATIO.powf(RATIO_EXPONENT);
+        assert!((long.low - (4.0 / widening - OVERHEAD)).abs() < 1e-9, "{long:?}");
+        assert!(
+            (long.high - (600.0 * 4.0 * widening + OVERHEAD)).abs() < 1e-6,
+            "{long:?}"
+        );
+        assert!((long.likely - 600.0_f64.sqrt() * 4.0).abs() < 1e-9, "{long:?}");
+        let short = of(10);
+        assert!(short.low <= 0.04 && short.high >= 4.0, "{short:?}");
+        // About as much grows in proportion.
+        assert!((of(2000).likely - 8.0).abs() < 1e-12);
+        // Samples take as long each as before, except for at most a second to begin.
+        let begin = cost(100, 2.0);
+        let many = price(&[begin.clone()], &work(Some(10), 10_000)).unwrap().seconds;
+        let widening = 2.5 * 100.0_f64.powf(RATIO_EXPONENT);
+        assert!((many.low - (101.0 / widening - OVERHEAD)).abs() < 1e-9, "{many:?}");
+        assert!((many.likely - 200.0).abs() < 1e-9, "{many:?}");
+        assert!((many.high - (200.0 * widening + OVERHEAD)).abs() < 1e-9, "{many:?}");
+        let few = price(&[begin], &work(Some(1), 1)).unwrap().seconds;
+        assert!(few.low == 0.0 && few.high > 1.01, "{few:?}");
     }
 
     #[test]
@@ -606,7 +686,7 @@ mod tests {
         let found = price(&[other.clone(), cost(100, 1.0)], &work(Some(10), 100)).unwrap();
         assert!((found.seconds.likely - 1.0).abs() < 1e-12);
         let found = price(&[other], &work(Some(10), 100)).unwrap();
-        assert!((found.seconds.likely - 50.0).abs() < 1e-12 && (found.seconds.high - 100.0 - OVERHEAD).abs() < 1e-12);
+        assert!((found.seconds.likely - 50.0).abs() < 1e-12 && (found.seconds.high - 125.0 - OVERHEAD).abs() < 1e-12);
         // Four times the elements, four times the time.
         let finer = CostQuery {
             weight: 4.0,

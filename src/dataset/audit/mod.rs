@@ -33,7 +33,7 @@ pub use labels::{LabelCheck, REFERENCE, SCREEN};
 pub use report::{Report, Resimulation, Summary};
 pub use resimulate::Resimulated;
 pub use rows::{Batch, Columns, Dataset, Discretisation, Families, NO_NUMBER, RowSource, SourceSample};
-pub use run::{Options, audit};
+pub use run::{Options, audit, work};
 
 #[cfg(test)]
 mod tests;

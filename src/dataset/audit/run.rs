@@ -52,7 +52,21 @@ pub struct Options {
     pub repeats_are_usual: bool,
 }
 
-/// Audits a dataset. Calls `advance` with numbers of finished rows.
+/// How many rows of the first pass a row on a finer mesh counts in the progress.
+const FINER: usize = 8;
+
+/// The passes that solve rows again, each of which counts this part of the first pass: one in so many rows.
+const PASSES: usize = 4;
+const PASS_PART: usize = 8;
+
+/// Returns the amount of work that an audit of `rows` rows reports as progress at most: rows that cannot be used are
+/// not solved.
+#[must_use]
+pub fn work(rows: usize, options: &Options) -> usize {
+    rows + PASSES * rows.div_ceil(PASS_PART) + FINER * options.samples.unwrap_or(rows).min(rows)
+}
+
+/// Audits a dataset. Calls `advance` with finished amounts of [`work`].
 ///
 /// # Errors
 /// When rows cannot be read or a simulator cannot be set up.
@@ -60,7 +74,7 @@ pub fn audit(
     dataset: &Dataset<'_>,
     simulators: &dyn Simulators,
     options: &Options,
-    advance: &dyn Fn(usize),
+    advance: &(dyn Fn(usize) + Sync),
 ) -> Result<Report, AuditError> {
     if let Some(finding) = values::lengths(dataset) {
         return Ok(Report {
@@ -77,15 +91,20 @@ pub fn audit(
         checker: &checker,
         seed: options.seed,
     };
+    let pass = || advance(dataset.len.div_ceil(PASS_PART));
     let (suspects, unsolved) = recheck.check_suspects(&facts, &mut labels)?;
+    pass();
     recheck.check_absent(&facts, &mut labels)?;
+    pass();
     let chosen = random_rows(options, &facts);
     let open = chosen.iter().copied().filter(|&index| is_compared(&labels[index]));
     recheck.solve_again(&open.collect::<Vec<_>>(), &mut labels)?;
+    pass();
     let meshes = recheck.check_other_meshes(&mut labels)?;
+    pass();
     let (checker, columns) = with_row_meshes(checker, dataset, &meshes);
     let dataset = &Dataset { columns, ..*dataset };
-    let resimulated = on_finer_meshes(dataset, &checker, options, &chosen)?;
+    let resimulated = on_finer_meshes(dataset, &checker, options, &chosen, advance)?;
     let peaks: Vec<f64> = facts.iter().map(|facts| facts.peak).collect();
     let faults = |row: &&Resimulated| row.exceeds() || row.is_unstable() || is_wrong(labels[row.index]);
     let faults = resimulated.iter().filter(faults).count();
@@ -269,6 +288,7 @@ fn on_finer_meshes(
     checker: &LabelChecker<'_>,
     options: &Options,
     chosen: &[usize],
+    advance: &(dyn Fn(usize) + Sync),
 ) -> Result<Vec<Resimulated>, AuditError> {
     let accuracy = match checker.discretisation {
         Discretisation::Unknown => Some(checker.tolerance.absolute),
@@ -277,7 +297,9 @@ fn on_finer_meshes(
     let solve = |&index: &usize| {
         let mesh = checker.mesh(&dataset.columns, index);
         let allowed = accuracy.or_else(|| declared_error(&dataset.columns, index, options));
-        resimulate(checker, (index, &row(dataset, index)?), mesh, allowed)
+        let solved = resimulate(checker, (index, &row(dataset, index)?), mesh, allowed);
+        advance(FINER);
+        solved
     };
     let found: Vec<Option<Resimulated>> = chosen.par_iter().map(solve).collect::<Result<_, _>>()?;
     Ok(found.into_iter().flatten().collect())

@@ -2,7 +2,7 @@
 //! replaces the simulation of the membrane: displacement away from nearby active cells, which has the same symmetries.
 
 use std::ops::Range;
-use std::sync::{Arc, LazyLock};
+use std::sync::{Arc, LazyLock, Mutex};
 
 use super::*;
 use crate::{BinIndex, Bins, Device};
@@ -176,6 +176,36 @@ fn audited(memory: &Memory, columns: Columns, declared: Discretisation) -> Repor
         ..Options::default()
     };
     audit(&dataset, &Membranes, &options, &|_| {}).unwrap()
+}
+
+#[test]
+fn the_progress_of_an_audit_ends_with_its_last_row() {
+    let (memory, columns) = sound(MESHES[0]);
+    let dataset = dataset(&memory, columns, Discretisation::Mesh(MESHES[0]));
+    for samples in [None, Some(0), Some(4), Some(1000)] {
+        let options = Options {
+            samples,
+            default_accuracy: 0.01,
+            tolerance: 1e-5,
+            ..Options::default()
+        };
+        let amounts = Mutex::new(Vec::new());
+        let report = audit(&dataset, &Membranes, &options, &|amount| {
+            amounts.lock().unwrap().push(amount)
+        })
+        .unwrap();
+        let amounts = amounts.into_inner().unwrap();
+        let total = work(dataset.len, &options);
+        assert_eq!(amounts.iter().sum::<usize>(), total, "{samples:?}");
+        // The first pass, the passes that solve rows again, and each row on a finer mesh.
+        let finer = samples.unwrap_or(32).min(32);
+        assert_eq!(report.resimulated.len(), finer);
+        assert_eq!(amounts.len(), 1 + 4 + finer);
+        assert!(
+            amounts[0] < total && amounts.iter().all(|amount| *amount > 0),
+            "{amounts:?}"
+        );
+    }
 }
 
 fn checks(report: &Report) -> Vec<(&str, &[u64])> {

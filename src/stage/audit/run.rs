@@ -1,7 +1,7 @@
 //! Runs an audit on a dataset.
 
-use std::cell::Cell;
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 
 use super::content::content;
 use super::contradictions::{other_effects, other_scene};
@@ -11,7 +11,7 @@ use crate::direct::DirectError;
 use crate::scene::device_of;
 use deaflow_base::{InputError, Progress, Quantity, open_regular};
 use deaflow_content::{Audit, FROM_FILE};
-use deaflow_dataset::audit::{AuditError, Dataset, Families, Options, Report, audit, sort};
+use deaflow_dataset::audit::{AuditError, Dataset, Families, Options, Report, audit, sort, work};
 use deaflow_field::SimulatorError;
 use deaflow_pattern::{Pattern, Raster};
 use deaflow_sample as sample;
@@ -136,14 +136,17 @@ pub fn run(
         // Random samples of a pipeline may repeat; balancing removes repeats. Of other datasets nothing is known.
         repeats_are_usual: trust == Trust::Pipeline && source.balance.is_none() && source.solver.is_some(),
     };
-    let reached = Cell::new((0_usize, 0_u64));
-    let advance = |rows: usize| {
-        let (done, shown) = (reached.get().0 + rows, reached.get().1);
-        let now = STEPS * done as u64 / dataset.len.max(1) as u64;
-        progress.advance(now - shown);
-        reached.set((done, now));
+    let reached = Mutex::new((0_usize, 0_u64));
+    let advance = |amount: usize| {
+        let mut reached = reached.lock().unwrap_or_else(PoisonError::into_inner);
+        reached.0 += amount;
+        let now = STEPS * reached.0 as u64 / work(dataset.len, &options).max(1) as u64;
+        progress.advance(now - reached.1);
+        reached.1 = now;
     };
     let mut report = audit(&dataset, &simulators, &options, &advance)?;
+    let reached = reached.into_inner().unwrap_or_else(PoisonError::into_inner);
+    progress.advance(STEPS - reached.1);
     report.findings.extend(loose);
     report.findings.extend(source.findings.iter().cloned());
     sort(&mut report.findings);
