@@ -6,6 +6,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use super::declaration::StageDeclaration;
 use super::lock_difference::LockDifference;
 use super::scratch::Scratch;
 use deaflow_base::{ArtifactId, Canonical, Fields, InputError, Node, NodeValue, Progress, Stopped};
@@ -113,19 +114,6 @@ pub trait Kind: Sync {
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError>;
 }
 
-/// A stage as declared in the pipeline.
-#[derive(Clone, Copy)]
-pub struct StageDeclaration<'a> {
-    /// Its name.
-    pub name: &'a str,
-    /// Its kind.
-    pub kind: &'static str,
-    /// Its mapping.
-    pub node: &'a Node,
-    /// Its scene.
-    pub scene: Option<&'a Node>,
-}
-
 /// The result of checking a stage before a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StageCheck {
@@ -212,6 +200,16 @@ pub trait Stage: Send + Sync {
     /// Whether [`Stage::check_samples`] refuses anything. Counting samples takes time in a large pipeline.
     fn checks_samples(&self) -> bool {
         false
+    }
+
+    /// Checks the kinds and digests of its inputs before any work. The digest of an input that has not been built is
+    /// not known.
+    ///
+    /// # Errors
+    /// If the stage would certainly fail, with the position of the reason in the pipeline.
+    fn check_inputs(&self, inputs: &[(&'static str, Option<ArtifactId>)]) -> Result<(), InputError> {
+        let _ = inputs;
+        Ok(())
     }
 
     /// Does one piece of work: a chunk, or the whole stage if the plan is [`Plan::Whole`]. The result must depend only

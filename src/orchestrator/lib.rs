@@ -5,6 +5,7 @@ mod build;
 mod build_chunks;
 mod built_stages;
 mod cost_estimate;
+mod declaration;
 mod entry;
 mod event;
 mod execution;
@@ -34,14 +35,12 @@ mod sweep;
 mod time_shares;
 
 pub use built_stages::{BuiltStage, BuiltStages, built_stages};
+pub use declaration::StageDeclaration;
 pub use entry::{Registry, WITHOUT, names_stage, suggestion};
 pub use event::{Event, Listener, Outcome, StageReport};
 pub use execution::Failure;
 pub use explain::{Explanation, LastRun, explain};
-pub use kind::{
-    Cause, Chunk, Expectation, Input, Job, Kind, Needs, Plan, ResultSource, Stage, StageCheck, StageDeclaration,
-    StageError,
-};
+pub use kind::{Cause, Chunk, Expectation, Input, Job, Kind, Needs, Plan, ResultSource, Stage, StageCheck, StageError};
 pub use lock_difference::LockDifference;
 pub use plan::{plan, plan_document, price_total};
 pub use plan_warnings::plan_warnings;

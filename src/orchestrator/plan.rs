@@ -13,7 +13,7 @@ use super::provenance::Environment;
 use super::run_error::RunError;
 use super::spec::{Pipeline, StageSpec};
 use super::staleness::Staleness;
-use deaflow_base::ArtifactId;
+use deaflow_base::{ArtifactId, InputError};
 use deaflow_store::{Store, StoreError};
 
 /// Returns a report on each stage, in topological order: whether it would be built, why, and at what cost. `until`
@@ -30,6 +30,7 @@ pub fn plan(
     let selection = pipeline.selection(until)?;
     let planner = Planner::new(pipeline, store);
     let statuses = planner.statuses(&selection)?;
+    check_inputs(pipeline, &selection, &statuses)?;
     let prices = cost_estimate::prices(pipeline, &selection, &statuses, store, environment)?;
     let mut reports = Vec::with_capacity(selection.len());
     for ((&index, status), price) in selection.iter().zip(&statuses).zip(prices) {
@@ -68,6 +69,21 @@ pub fn plan_document(pipeline: &Pipeline, store: &Path, stages: &[StageReport], 
         "unpriced": total.unpriced,
         "warnings": warnings,
     })
+}
+
+/// Lets each stale stage check what is known of its inputs.
+///
+/// # Errors
+/// If one of them would certainly fail, with the position of the reason.
+pub fn check_inputs(pipeline: &Pipeline, selection: &[usize], statuses: &[StageStatus]) -> Result<(), InputError> {
+    let stale = selection.iter().zip(statuses).filter(|(_, status)| status.is_stale());
+    for (&index, _) in stale {
+        let spec = &pipeline.stages[index];
+        let kinds = spec.needs.iter().map(|&need| pipeline.stages[need].kind.name());
+        let known: Vec<_> = kinds.zip(digests_of(spec, selection, statuses)).collect();
+        spec.stage.check_inputs(&known)?;
+    }
+    Ok(())
 }
 
 /// Returns the artifacts that a stage needs, as far as known.

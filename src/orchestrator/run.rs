@@ -78,8 +78,8 @@ pub struct RunOutcome {
 /// built stays.
 ///
 /// # Errors
-/// If there is no stage of the name in `until`, the pipeline differs from its lock file, or the store cannot be read or
-/// written. The failure of a stage is in the outcome.
+/// If there is no stage of the name in `until`, the pipeline differs from its lock file, an input of a stage is certainly
+/// wrong, or the store cannot be read or written. The failure of a stage is in the outcome.
 pub fn run(
     pipeline: &Pipeline,
     store: &Store,
@@ -94,6 +94,7 @@ pub fn run(
     }
     let planner = Planner::beside_others(pipeline, store);
     let statuses = planner.statuses(&selection)?;
+    plan::check_inputs(pipeline, &selection, &statuses)?;
     let prices = cost_estimate::prices(pipeline, &selection, &statuses, store, environment)?;
     let prices: Vec<Option<Price>> = prices.into_iter().map(|(price, _)| price).collect();
     listener(&started(pipeline, &statuses, &prices));

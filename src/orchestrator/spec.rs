@@ -4,11 +4,12 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use super::declaration::{Declarations, Declared};
 use super::entry::{
     Entry, Registry, check_length, check_names, check_needs, read_entries, refuse_cycle_of, suggestion,
 };
 use super::graph;
-use super::kind::{Input, Kind, Plan, Stage, StageCheck, StageDeclaration};
+use super::kind::{Input, Kind, Plan, Stage, StageCheck};
 use super::rounds::{self, Rounds};
 use super::sweep::{self, Sweep};
 use deaflow_base::{Document, InputError, Node, NodeValue, Override, folder_of};
@@ -315,27 +316,25 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Resu
 
 /// Checks each stage, in the order of the file.
 fn check_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Result<Vec<StageCheck>, InputError> {
-    let own_scene = |entry: &Entry<'_>| entry.node.peek(sweep::SCENE).filter(|_| swept).cloned();
-    let scenes: Vec<Option<Node>> = entries.iter().map(own_scene).collect();
-    let nodes: Vec<Cow<'_, Node>> = entries
-        .iter()
-        .zip(&scenes)
-        .map(|(entry, own)| match own {
+    let stages = Declarations::new(entries.iter().map(|entry| declared(entry, scene, swept)).collect());
+    let each = entries.iter().zip(stages.iter());
+    each.map(|(entry, stage)| entry.kind.check(&stage, &stage.needs().collect::<Vec<_>>()))
+        .collect()
+}
+
+/// Returns a stage for checks, without the scene that a sweep adds to its mapping.
+fn declared<'a>(entry: &'a Entry<'a>, scene: Option<&'a Node>, swept: bool) -> Declared<'a> {
+    let own = entry.node.peek(sweep::SCENE).filter(|_| swept);
+    Declared {
+        name: entry.name,
+        kind: entry.kind.name(),
+        node: match own {
             Some(_) => Cow::Owned(entry.node.without(sweep::SCENE)),
             None => Cow::Borrowed(entry.node),
-        })
-        .collect();
-    let declaration = |index: usize| StageDeclaration {
-        name: entries[index].name,
-        kind: entries[index].kind.name(),
-        node: &nodes[index],
-        scene: scenes[index].as_ref().or(scene),
-    };
-    let each = entries.iter().enumerate().map(|(index, entry)| {
-        let needs: Vec<StageDeclaration<'_>> = entry.needs.iter().map(|(need, _)| declaration(*need)).collect();
-        entry.kind.check(&declaration(index), &needs)
-    });
-    each.collect()
+        },
+        scene: own.or(scene),
+        needs: entry.needs.iter().map(|(need, _)| *need).collect(),
+    }
 }
 
 /// Refuses a pipeline that is too large to be planned.

@@ -7,9 +7,8 @@ mod content;
 
 use std::collections::BTreeSet;
 
-use super::model;
 use super::results::most;
-use super::solve;
+use super::{model, needed, solve};
 use deaflow_accuracy::{Benchmark, Candidate, Network, Reference};
 use deaflow_base::{Canonical, Fields, InputError, Node};
 use deaflow_content::{Accuracy, Solutions};
@@ -75,6 +74,7 @@ impl Kind for AccuracyKind {
         checked
             .check(&candidates)
             .map_err(|why| methods.unwrap_or(named).error(why.to_string()))?;
+        needed::one_state(stage, needs)?;
         Ok(StageCheck::default())
     }
 

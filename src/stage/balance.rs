@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::results::{most, named};
 use super::without::{self, Dropped, Without};
 use super::{needed, scene};
-use deaflow_base::{Canonical, Declared, Fields, InputError, Length, Node, Seed, parameters};
+use deaflow_base::{ArtifactId, Canonical, Declared, Fields, InputError, Length, Node, Seed, parameters};
 use deaflow_content as content;
 use deaflow_content::{BalanceCounts, Histograms, Packed, SOLVED, Solutions, files};
 use deaflow_dataset::{BalanceOptions, Balanced, BalancedRow, Bins, Candidate, SymmetryGroup, balance};
@@ -50,6 +50,7 @@ impl Kind for BalanceKind {
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         without::check(stage, needs)?;
         needed::one_state(stage, needs)?;
+        needed::one_scene(stage, needs)?;
         Ok(StageCheck::default())
     }
 
@@ -127,6 +128,11 @@ impl Stage for BalanceStage {
 
     fn plan(&self, _inputs: &[Input]) -> Plan {
         Plan::Whole { steps: 1 }
+    }
+
+    fn check_inputs(&self, inputs: &[(&'static str, Option<ArtifactId>)]) -> Result<(), InputError> {
+        let without = self.parameters.without.as_ref();
+        without.map_or(Ok(()), |without| without.check_inputs(inputs))
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {

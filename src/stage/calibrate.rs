@@ -8,7 +8,7 @@ use super::results::named;
 use super::without::{self, Dropped, Without};
 use super::{labelled, model, needed, scene};
 use content::Origin;
-use deaflow_base::{Canonical, Declared, Digest, Fields, InputError, Node, Seed, parameters};
+use deaflow_base::{ArtifactId, Canonical, Declared, Digest, Fields, InputError, Node, Seed, parameters};
 use deaflow_field::Predictor;
 use deaflow_orchestrator::{Job, Kind, Needs, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_store::{Artifact, Object};
@@ -50,6 +50,7 @@ impl Kind for CalibrateKind {
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         without::check(stage, needs)?;
         needed::one_state(stage, needs)?;
+        needed::one_scene(stage, needs)?;
         let models = needed::count(needs, &["train"]);
         if models != 1 {
             return Err(needed::wrong_number(
@@ -66,6 +67,7 @@ impl Kind for CalibrateKind {
                 "add a stage of kind solve, import or balance",
             ));
         }
+        needed::unseen(stage, needs)?;
         Ok(StageCheck::default())
     }
 
@@ -114,6 +116,11 @@ impl Stage for CalibrateStage {
 
     fn parameters(&self) -> Canonical {
         self.to_canonical()
+    }
+
+    fn check_inputs(&self, inputs: &[(&'static str, Option<ArtifactId>)]) -> Result<(), InputError> {
+        let without = self.without.as_ref();
+        without.map_or(Ok(()), |without| without.check_inputs(inputs))
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {

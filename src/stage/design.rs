@@ -10,13 +10,14 @@ mod evaluators;
 mod follow;
 mod intervals;
 
+use std::collections::BTreeMap;
 use std::sync::OnceLock;
 use std::time::Instant;
 
 use serde_json::json;
 
 use super::results::of_targets;
-use super::{drive_check, model, scene};
+use super::{drive_check, model, needed, scene};
 use deaflow_base::{Canonical, Declared, Fields, InputError, Map, Node, Parameter, parameters};
 use deaflow_content::Designs;
 use deaflow_design::{
@@ -243,7 +244,7 @@ fn check_networks(
     stage: &StageDeclaration<'_>,
     needs: &[StageDeclaration<'_>],
 ) -> Result<(), InputError> {
-    let networks = needs.iter().filter(|need| need.kind == "train").count();
+    let networks = needed::count(needs, &["train"]);
     let node = |key| stage.node.peek(key).unwrap_or(stage.node);
     if parameters.evaluator == EvaluatorChoice::Surrogate && networks == 0 {
         return Err(node("evaluator")
@@ -252,9 +253,10 @@ fn check_networks(
     }
     let scene = scene::read_all_states(stage.node, stage.scene)?;
     let states: Vec<&str> = scene.states.iter().map(|(name, _)| name).collect();
+    check_calibration(&states, stage, needs)?;
     let expected = states.len().max(1);
     if networks == 0 || networks == expected {
-        return Ok(());
+        return check_states(&states, stage, needs);
     }
     let (message, help) = match states.len() {
         0 => (
@@ -272,7 +274,66 @@ fn check_networks(
     Err(node("needs").error(message).help(help))
 }
 
-/// Refuses a breakdown margin that no pattern can reach. Electrodes expand under voltage, so the field in one of their
+/// Refuses two networks of the same state of the device: another state has none.
+fn check_states(
+    states: &[&str],
+    stage: &StageDeclaration<'_>,
+    needs: &[StageDeclaration<'_>],
+) -> Result<(), InputError> {
+    let mut left: BTreeMap<&str, Option<&str>> = states.iter().map(|state| (*state, None)).collect();
+    let mut repeated = None;
+    for network in needs.iter().filter(|need| need.kind == "train") {
+        let state = needed::state_of(network).unwrap_or_default();
+        let Some(of) = left.get_mut(state.as_str()) else {
+            continue;
+        };
+        match of {
+            None => *of = Some(network.name),
+            Some(other) => repeated = repeated.or(Some((*other, network.name, state))),
+        }
+    }
+    let missing: Vec<&str> = left
+        .iter()
+        .filter(|(_, of)| of.is_none())
+        .map(|(state, _)| *state)
+        .collect();
+    match repeated {
+        None => Ok(()),
+        Some((first, second, state)) => Err(needed::named(stage, second)
+            .error(format!(
+                "the networks `{first}` and `{second}` are both of state `{state}`"
+            ))
+            .help(format!(
+                "name a network of state {} instead of one of them",
+                missing.join(" or ")
+            ))),
+    }
+}
+
+/// Refuses calibrations that a design cannot use.
+fn check_calibration(
+    states: &[&str],
+    stage: &StageDeclaration<'_>,
+    needs: &[StageDeclaration<'_>],
+) -> Result<(), InputError> {
+    let mut calibrations = needs.iter().filter(|need| need.kind == "calibrate");
+    let Some(first) = calibrations.next() else {
+        return Ok(());
+    };
+    if !states.is_empty() {
+        return Err(needed::named(stage, first.name)
+            .error(intervals::STATES)
+            .help(format!("remove `{}` from `needs`", first.name)));
+    }
+    if let Some(second) = calibrations.next() {
+        return Err(needed::named(stage, second.name)
+            .error(intervals::SEVERAL)
+            .help(format!("remove `{}` or `{}` from `needs`", first.name, second.name)));
+    }
+    needed::own_calibrations(stage, needs)
+}
+
+/// Refuses a breakdown margin that no pattern that moves can reach. Electrodes expand under voltage, so the field in one of their
 /// cells is at least that of the membrane at rest.
 fn check_breakdown_margin(task: &DesignTask, scene: &Scene, node: &Node) -> Result<(), InputError> {
     let constraints = task.constraints.constraints();
@@ -282,9 +343,10 @@ fn check_breakdown_margin(task: &DesignTask, scene: &Scene, node: &Node) -> Resu
     if scene.drive.charge.is_some() || scene.geometry.has_forces() {
         return Ok(());
     }
-    // A pattern may use only the group with the lowest voltage, which keeps the margin in all states.
+    // A pattern may use only the group with the lowest voltage, which keeps the margin in all states. A group without
+    // voltage moves nothing alone.
     let groups = scene.at_largest_voltages().drive.voltages.in_volts();
-    let Some(volts) = groups.into_iter().reduce(f64::min).filter(|volts| *volts > 0.0) else {
+    let Some(volts) = groups.into_iter().filter(|volts| *volts > 0.0).reduce(f64::min) else {
         return Ok(());
     };
     let largest = 1.0 / breakdown_ratio_at_rest(strength, &scene.at_voltage(volts));

@@ -67,6 +67,7 @@ impl Kind for EvaluateKind {
 
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         needed::one_state(stage, needs)?;
+        needed::one_scene(stage, needs)?;
         let estimates = stage
             .node
             .peek("estimates")
@@ -85,6 +86,8 @@ impl Kind for EvaluateKind {
                 "name a stage of kind solve, import or balance",
             ));
         }
+        needed::unseen(stage, needs)?;
+        needed::own_calibrations(stage, needs)?;
         Ok(StageCheck::default())
     }
 

@@ -1,5 +1,6 @@
 //! The files that a stage names, relative to the pipeline's file and inside its folder.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use deaflow_base::{Canonical, InputError, Node, Parameter, Schema, confined};
@@ -61,15 +62,19 @@ impl<'a> NamedFile<'a> {
     /// Returns the files of a stage, in order.
     ///
     /// # Errors
-    /// If one does not exist, or is outside the folder of the pipeline.
+    /// If one does not exist, is outside the folder of the pipeline, or is listed twice.
     pub fn of_stage(stage: &'a Node) -> Result<Vec<Self>, InputError> {
         let folder = stage.file().parent().unwrap_or(Path::new(""));
         let names = stage.peek(KEY).map(|names| names.list(KEY)).transpose()?;
-        names
-            .unwrap_or_default()
-            .iter()
-            .map(|node| Self::find(node, folder))
-            .collect()
+        let mut seen = BTreeSet::new();
+        let once = |node: &'a Node| {
+            let file = Self::find(node, folder)?;
+            match seen.insert((file.path.clone(), file.dataset)) {
+                true => Ok(file),
+                false => Err(node.error(format!("the file {} is listed twice", file.name))),
+            }
+        };
+        names.unwrap_or_default().iter().map(once).collect()
     }
 
     /// Returns the file that a node names, relative to the folder of the pipeline.

@@ -1,11 +1,15 @@
 //! Checks of what a stage needs that the file already answers.
 
+use std::collections::{BTreeSet, VecDeque};
+use std::ptr;
+
 use super::scene;
 use deaflow_base::{InputError, Node};
 use deaflow_orchestrator::StageDeclaration;
+use deaflow_scene::Difference;
 
 /// Returns where `needs` names a stage.
-fn named<'a>(stage: &StageDeclaration<'a>, name: &str) -> &'a Node {
+pub fn named<'a>(stage: &StageDeclaration<'a>, name: &str) -> &'a Node {
     let needs = stage.node.peek("needs");
     let items = needs.and_then(|needs| needs.list("needs").ok()).unwrap_or_default();
     items
@@ -25,13 +29,80 @@ pub fn wrong_number(stage: &StageDeclaration<'_>, message: String, help: &str) -
     stage.node.peek("needs").unwrap_or(stage.node).error(message).help(help)
 }
 
-/// Refuses labels of different states of the device: no network and no calibration is of two states.
+/// The kinds of stages whose results are of the state of what they need.
+const INHERITING: [&str; 4] = ["balance", "train", "calibrate", "audit"];
+
+/// Returns what is found in a stage or in the nearest of the stages that its results are made from.
+fn nearest<'a, T>(stage: &StageDeclaration<'a>, find: impl Fn(&StageDeclaration<'a>) -> Option<T>) -> Option<T> {
+    let mut open = VecDeque::from([*stage]);
+    let mut seen = BTreeSet::new();
+    while let Some(next) = open.pop_front() {
+        if let Some(found) = find(&next) {
+            return Some(found);
+        }
+        if INHERITING.contains(&next.kind) && seen.insert(next.name) {
+            open.extend(next.needs());
+        }
+    }
+    None
+}
+
+/// Returns the state of the device of which a stage is; none if it is of all states.
+pub fn state_of(stage: &StageDeclaration<'_>) -> Option<String> {
+    nearest(stage, |stage| {
+        let state = stage.node.peek(scene::STATE)?.text(scene::STATE).ok()?;
+        Some(state.to_owned())
+    })
+}
+
+/// Returns a stage that simulates, with its scene.
+fn simulating<'a>(stage: &StageDeclaration<'a>) -> Option<(&'a Node, StageDeclaration<'a>)> {
+    match stage.kind {
+        "solve" | "import" | "verify" => stage.scene.map(|scene| (scene, *stage)),
+        _ => None,
+    }
+}
+
+/// Refuses needs of different scenes, as sweeps make them: no network and no calibration is of two scenes.
 ///
 /// # Errors
-/// If two needs name different states.
+/// If two needs, or what they are made from, have different scenes.
+pub fn one_scene(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
+    let read = |stage: &StageDeclaration<'_>| {
+        let scene = match stage.kind {
+            "verify" => scene::read_all_states(stage.node, stage.scene),
+            _ => scene::read_in_state(stage.node, stage.scene),
+        };
+        scene.ok().map(|scene| scene.without_time())
+    };
+    let mut origins = needs
+        .iter()
+        .filter_map(|need| Some((need.name, nearest(need, simulating)?)));
+    let Some((first, (node, origin))) = origins.next() else {
+        return Ok(());
+    };
+    let mut of_first = None;
+    for (name, (_, other)) in origins.filter(|(_, (other, _))| !ptr::eq(*other, node)) {
+        let one = of_first.get_or_insert_with(|| read(&origin));
+        let (Some(one), Some(other)) = (one.as_ref(), read(&other)) else {
+            continue;
+        };
+        if *one != other {
+            let differences = Difference::listed(&one.differences(&other));
+            return Err(named(stage, name)
+                .error(format!("`{first}` and `{name}` have different scenes: {differences}"))
+                .help("a stage reads results of one scene; use a stage for each scene"));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses needs of different states of the device: no network and no calibration is of two states.
+///
+/// # Errors
+/// If two needs, or what they are made from, name different states.
 pub fn one_state(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
-    let state = |need: &StageDeclaration<'_>| need.node.peek(scene::STATE)?.text(scene::STATE).ok().map(str::to_owned);
-    let mut states = needs.iter().filter_map(|need| Some((need.name, state(need)?)));
+    let mut states = needs.iter().filter_map(|need| Some((need.name, state_of(need)?)));
     let Some((first, one)) = states.next() else {
         return Ok(());
     };
@@ -41,6 +112,57 @@ pub fn one_state(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -
             .error(format!("`{first}` is of state `{one}` and `{name}` of state `{other}`"))
             .help("a stage reads labels of one state; use a stage for each state")),
     }
+}
+
+/// Refuses samples that a model was trained on: its errors on these do not predict its errors on others.
+///
+/// # Errors
+/// If a model and samples that its training reads are both needed.
+pub fn unseen(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
+    let reads = |model: &&StageDeclaration<'_>, samples: &str| {
+        model
+            .needs()
+            .any(|need| need.name == samples || (need.kind == "balance" && need.needs().any(|of| of.name == samples)))
+    };
+    // Of a balanced set the test rows are read, which no training uses.
+    for samples in needs.iter().filter(|need| ["solve", "import"].contains(&need.kind)) {
+        let mut models = needs.iter().filter(|need| need.kind == "train");
+        if let Some(model) = models.find(|model| reads(model, samples.name)) {
+            let message = format!(
+                "the model `{}` was trained on the samples `{}`",
+                model.name, samples.name
+            );
+            return Err(named(stage, samples.name)
+                .error(message)
+                .help("draw others with another seed, or use the test rows of a `balance` stage"));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses calibrations of models that a stage does not need.
+///
+/// # Errors
+/// If a calibration is of another model.
+pub fn own_calibrations(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
+    for calibration in needs.iter().filter(|need| need.kind == "calibrate") {
+        let models: Vec<&str> = calibration
+            .needs()
+            .filter(|need| need.kind == "train")
+            .map(|need| need.name)
+            .collect();
+        if !needs.iter().any(|need| models.contains(&need.name)) {
+            let models = models.join("`, `");
+            let message = format!(
+                "the calibration `{}` is of the model `{models}`, which `needs` does not name",
+                calibration.name
+            );
+            return Err(named(stage, calibration.name).error(message).help(format!(
+                "add `{models}` to `needs`, or name a calibration of a model in `needs`"
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// Refuses verified designs of a device with states in a training.

@@ -88,6 +88,7 @@ impl Kind for TableKind {
         let own = stage.without("rows").without("kinds");
         let map = own.fields(what, &["kind", "needs", "columns", "plot"])?;
         let columns = columns::columns(map.required(what, "columns")?, &rows, &kinds)?;
+        Cells::check(&columns, &rows)?;
         Ok(Box::new(TableStage {
             plot: plot(&map, &columns)?,
             collected: self.collected,

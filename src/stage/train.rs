@@ -8,7 +8,7 @@ mod follow;
 use super::results::named;
 use super::without::{self, Dropped, Without};
 use super::{model, needed, scene};
-use deaflow_base::{Canonical, Decimal, Declared, Fields, InputError, Node, NodeValue, Seed, parameters};
+use deaflow_base::{ArtifactId, Canonical, Decimal, Declared, Fields, InputError, Node, NodeValue, Seed, parameters};
 use deaflow_content::{ALL_FAMILIES, Training};
 use deaflow_dataset::SymmetryGroup;
 use deaflow_fem::LinearResponse;
@@ -78,6 +78,7 @@ impl Kind for TrainKind {
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         without::check(stage, needs)?;
         needed::one_state(stage, needs)?;
+        needed::one_scene(stage, needs)?;
         needed::no_designs_in_states(stage, needs)?;
         if needed::count(needs, &["train"]) > 1 {
             return Err(needed::wrong_number(
@@ -86,6 +87,7 @@ impl Kind for TrainKind {
                 "name one stage of kind `train`",
             ));
         }
+        check_start(stage, needs)?;
         if needed::count(needs, &["train"]) == needed::count(needs, &KIND_OF_NEEDS) {
             let message = "the training has no labels: `needs` names another training only".to_owned();
             return Err(needed::wrong_number(
@@ -203,6 +205,11 @@ impl Stage for TrainStage {
         }
     }
 
+    fn check_inputs(&self, inputs: &[(&'static str, Option<ArtifactId>)]) -> Result<(), InputError> {
+        let without = self.parameters.without.as_ref();
+        without.map_or(Ok(()), |without| without.check_inputs(inputs))
+    }
+
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let scene = scene::of_inputs(job.inputs)?;
         let start = start(job.inputs)?;
@@ -229,6 +236,20 @@ impl Stage for TrainStage {
         );
         trained.weights = annotated.map_err(StageError::failed)?;
         Ok(content::training(trained, &found, &dropped, self.parameters.network, scene).object())
+    }
+}
+
+/// Refuses a start from a network of another kind.
+fn check_start(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
+    let network = |stage: &StageDeclaration<'_>| Some(stage.node.peek("network")?.text("network").ok()?.to_owned());
+    let start = needs.iter().find(|need| need.kind == "train");
+    match start.and_then(|start| Some((start.name, network(start)?, network(stage)?))) {
+        Some((name, other, own)) if other != own => Err(needed::named(stage, name)
+            .error(format!(
+                "the training of a network `{own}` cannot start from `{name}`, a network `{other}`"
+            ))
+            .help(format!("use `network: {other}`, or remove `{name}` from `needs`"))),
+        _ => Ok(()),
     }
 }
 

@@ -2,7 +2,7 @@
 //! left out.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::audit;
 use super::files::NamedFile;
@@ -34,15 +34,28 @@ pub struct Without {
 }
 
 /// Rows of a dataset that a user has marked.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 struct MarkedRows {
+    /// The item that names the file.
+    item: Node,
+    /// Path of the file, with links resolved.
+    path: PathBuf,
     dataset: ArtifactId,
     rows: BTreeSet<u64>,
 }
 
+/// The position of the item does not count.
+impl PartialEq for MarkedRows {
+    fn eq(&self, other: &Self) -> bool {
+        self.path == other.path && self.dataset == other.dataset && self.rows == other.rows
+    }
+}
+
+impl Eq for MarkedRows {}
+
 impl MarkedRows {
     /// Reads the text of a list: the dataset in the first line, and then a row number on each line.
-    fn parse(text: &str) -> Result<Self, String> {
+    fn parse(text: &str) -> Result<(ArtifactId, BTreeSet<u64>), String> {
         let mut lines = text.trim_start_matches('\u{feff}').lines();
         let dataset = lines.next().and_then(|first| first.strip_prefix(HEADER));
         let dataset = dataset.and_then(|digest| digest.trim().parse::<ArtifactId>().ok());
@@ -55,7 +68,7 @@ impl MarkedRows {
             let row = number.parse::<u64>();
             rows.insert(row.map_err(|_| format!("line {line}: \"{}\" is not a row number", number.escape_debug()))?);
         }
-        Ok(Self { dataset, rows })
+        Ok((dataset, rows))
     }
 
     fn read(node: &Node) -> Result<Self, InputError> {
@@ -63,7 +76,25 @@ impl MarkedRows {
         let advice = "the page writes such lists: \"Save the list of marked rows\" of a dataset or an audit";
         let bytes = read_bounded(&file.path, MOST_BYTES).map_err(|e| file.refused(&e, ""))?;
         let text = String::from_utf8(bytes).map_err(|_| file.refused(&"it is not a text", advice))?;
-        Self::parse(&text).map_err(|why| file.refused(&why, advice))
+        let (dataset, rows) = Self::parse(&text).map_err(|why| file.refused(&why, advice))?;
+        Ok(Self {
+            item: node.clone(),
+            path: file.path,
+            dataset,
+            rows,
+        })
+    }
+
+    /// The error if the dataset of the list is not an input of the stage.
+    fn of_another(&self, datasets: &[ArtifactId]) -> InputError {
+        let file = self.item.text(WITHOUT).unwrap_or_default();
+        let datasets: Vec<String> = datasets.iter().map(|digest| digest.short().to_string()).collect();
+        let message = format!(
+            "the file {file} lists rows of the dataset {}, which is not an input of this stage",
+            self.dataset.short()
+        );
+        let help = format!("mark rows of an input anew: {}", datasets.join(", "));
+        self.item.error(message).help(help)
     }
 
     fn canonical(&self) -> Canonical {
@@ -90,9 +121,14 @@ impl Parameter for Without {
         }
         let mut lists = Vec::new();
         for item in items {
-            if !names_stage(item.text(key)?) {
-                lists.push(MarkedRows::read(item)?);
+            if names_stage(item.text(key)?) {
+                continue;
             }
+            let list = MarkedRows::read(item)?;
+            if lists.iter().any(|other: &MarkedRows| other.path == list.path) {
+                return Err(item.error(format!("the file {} is listed twice", item.text(key)?)));
+            }
+            lists.push(list);
         }
         Ok(Self { lists })
     }
@@ -108,6 +144,23 @@ impl Parameter for Without {
 
     fn literal(literal: Self) -> Self {
         literal
+    }
+}
+
+impl Without {
+    /// Checks that the dataset of each list is an input, once the digests of all datasets are known.
+    ///
+    /// # Errors
+    /// If one is not, with the position of its name.
+    pub fn check_inputs(&self, inputs: &[(&'static str, Option<ArtifactId>)]) -> Result<(), InputError> {
+        let datasets = inputs.iter().filter(|(kind, _)| !["audit", "train"].contains(kind));
+        let Some(datasets) = datasets.map(|(_, digest)| *digest).collect::<Option<Vec<ArtifactId>>>() else {
+            return Ok(());
+        };
+        match self.lists.iter().find(|list| !datasets.contains(&list.dataset)) {
+            Some(list) => Err(list.of_another(&datasets)),
+            None => Ok(()),
+        }
     }
 }
 

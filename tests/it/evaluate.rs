@@ -131,7 +131,7 @@ fn a_model_is_compared_with_estimates() {
     let no_labels = "stages.evaluated={ kind: evaluate, needs: [surrogate] }";
     printed.add("no labels", refused("evaluated", &[no_labels]));
     let other = "stages.evaluated={ kind: evaluate, needs: [intervals, fresh], estimates: [linear] }";
-    let message = said("evaluated", &[FRESH, SOLVED, MORE, UNSEEN, INTERVALS, other]);
+    let message = refused("evaluated", &[FRESH, SOLVED, MORE, UNSEEN, INTERVALS, other]);
     printed.add("a calibration of another model", message);
     let guessed = "stages.fresh={ kind: solve, needs: [blobs], method: linear }";
     let message = said(
@@ -153,7 +153,7 @@ fn a_model_is_compared_with_estimates() {
     assert!(message.contains('0') && message.contains("small-grid"), "{message}");
     printed.add("other families", message);
     let seen = "stages.surrogate={ kind: train, needs: [unseen], network: qin2024, epochs: 1, seed: 5 }";
-    let message = said("intervals", &[MORE, UNSEEN, seen, INTERVALS]);
+    let message = refused("intervals", &[MORE, UNSEEN, seen, INTERVALS]);
     printed.add("patterns of the training", message);
     snapshot!(printed);
 }

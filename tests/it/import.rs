@@ -532,3 +532,61 @@ fn an_audit_of_another_dataset_is_refused_with_its_position() {
     workspace.write("own.yaml", &stages("never", "labels"));
     assert_eq!(workspace.run(&["plan", "own.yaml"]).code, Some(0));
 }
+
+#[test]
+fn marked_rows_of_another_dataset_are_refused_by_plan_with_their_position() {
+    let workspace = workspace("");
+    let (cells, fields) = solved(&workspace, 4);
+    npz(&workspace.path("a.npz"), &cells, &fields);
+    let write = |without: &str| {
+        workspace.write(
+            "own.yaml",
+            &pipeline(&format!(
+                "  labels: {{ kind: import, files: [a.npz] }}
+  audited: {{ kind: audit, needs: [labels], samples: 0, fail_on: never }}
+  balanced:
+    kind: balance
+    needs: [labels]
+    without: [{without}]
+    bins: 5
+    range: [0 mm, 2.5 mm]
+    target: 80
+    seed: 1
+"
+            )),
+        );
+    };
+    let other = "00112233".repeat(8);
+    workspace.write("marked.txt", &format!("# rows of {other}\n1\n"));
+    write("audited, marked.txt");
+    // The digest of the labels is not known before they are built.
+    assert_eq!(workspace.run(&["plan", "own.yaml"]).code, Some(0));
+    let digests = workspace.stages(&["run", "own.yaml", "--until", "labels"]).digests();
+    for command in ["plan", "run"] {
+        let refused = workspace.refused(&[command, "own.yaml"]);
+        let said = "the file marked.txt lists rows of the dataset 001122330011, which is not an input";
+        for part in [said, "own.yaml:10:24", &digests["labels"][..12]] {
+            assert!(refused.contains(part), "{command}: {part}: {refused}");
+        }
+    }
+    workspace.write("marked.txt", &format!("# rows of {}\n1\n", digests["labels"]));
+    assert_eq!(workspace.run(&["plan", "own.yaml"]).code, Some(0));
+    for (twice, position, message) in [
+        (
+            "marked.txt, ./marked.txt",
+            "own.yaml:10:27",
+            "the file ./marked.txt is listed twice",
+        ),
+        ("audited, audited", "own.yaml:10:24", "`audited` is listed twice"),
+    ] {
+        write(twice);
+        let refused = workspace.refused(&["plan", "own.yaml"]);
+        assert!(refused.contains(position) && refused.contains(message), "{refused}");
+    }
+    workspace.write(
+        "own.yaml",
+        &pipeline("  labels: { kind: import, files: [a.npz, ./a.npz] }\n"),
+    );
+    let refused = workspace.refused(&["plan", "own.yaml"]);
+    assert!(refused.contains("the file ./a.npz is listed twice"), "{refused}");
+}

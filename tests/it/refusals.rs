@@ -39,8 +39,12 @@ fn needs_that_cannot_do_are_refused_by_plan() {
     let with = |stage: &'static str| [SAMPLES, SOLVED, MODEL, stage];
     for (stage, message) in [
         (
-            "few: { kind: calibrate, needs: [model, solved], seed: 1 }",
-            "a calibration needs 80 patterns that were not used in training, found 20",
+            "seen: { kind: calibrate, needs: [model, solved], seed: 1 }",
+            "the model `model` was trained on the samples `solved`",
+        ),
+        (
+            "seen: { kind: evaluate, needs: [solved, model] }",
+            "the model `model` was trained on the samples `solved`",
         ),
         (
             "few: { kind: calibrate, needs: [solved, samples2], seed: 1 }",
@@ -60,6 +64,10 @@ fn needs_that_cannot_do_are_refused_by_plan() {
             "more: { kind: train, needs: [model], network: qin2024, epochs: 1, seed: 1 }",
             "the training has no labels",
         ),
+        (
+            "more: { kind: train, needs: [solved, model], network: physics, epochs: 1, seed: 1 }",
+            "the training of a network `physics` cannot start from `model`, a network `qin2024`",
+        ),
     ] {
         refuses(SCENE, &with(stage), 8, message);
     }
@@ -68,6 +76,83 @@ fn needs_that_cannot_do_are_refused_by_plan() {
         "evaluator: surrogate, needs: []",
     ) + " }";
     refuses(SCENE, &[&surrogate], 5, "`evaluator: surrogate` needs a network");
+}
+
+const OTHERS: &str = "others: { kind: sample, family: small-grid, count: 20, seed: 2 }";
+const FRESH: &str = "fresh: { kind: solve, needs: [others], elements_per_cell: 2 }";
+
+#[test]
+fn calibrations_that_cannot_do_are_refused_by_plan() {
+    let few = "few: { kind: calibrate, needs: [model, fresh], seed: 1 }";
+    refuses(
+        SCENE,
+        &[SAMPLES, SOLVED, MODEL, OTHERS, FRESH, few],
+        10,
+        "a calibration needs 80 patterns that were not used in training, found 20",
+    );
+    let fresh = OTHERS.replace("20", "80");
+    let other = MODEL.replace("model:", "other:").replace("seed: 1", "seed: 2");
+    let calibrated = "calibrated: { kind: calibrate, needs: [other, fresh], seed: 1 }";
+    let again = "again: { kind: calibrate, needs: [other, fresh], seed: 2 }";
+    let search = DESIGN.replace("method: adjoint, units: 20, starts: 1", "needs: [NEEDS]") + " }";
+    for (stage, message) in [
+        (
+            "judged: { kind: evaluate, needs: [model, fresh, calibrated] }",
+            "the calibration `calibrated` is of the model `other`, which `needs` does not name",
+        ),
+        (
+            &search.replace("NEEDS", "model, calibrated"),
+            "the calibration `calibrated` is of the model `other`, which `needs` does not name",
+        ),
+        (
+            &search.replace("NEEDS", "other, calibrated, again"),
+            "a design stage can use only one calibration",
+        ),
+    ] {
+        let stages = [SAMPLES, SOLVED, MODEL, &other, &fresh, FRESH, calibrated, again, stage];
+        refuses(SCENE, &stages, 13, message);
+    }
+}
+
+#[test]
+fn results_of_several_scenes_are_refused_by_plan() {
+    let scene = SCENE.replace("2 kV", "\"${voltage}\"");
+    let solved = "solved: { foreach: { voltage: [1 kV, 2 kV] }, kind: solve, needs: [samples], elements_per_cell: 1 }";
+    let balanced = "balanced: { kind: balance, needs: [solved], bins: 5, range: [0 mm, 2 mm], target: 80, symmetry: none, seed: 1 }";
+    let model = |more: &str| {
+        MODEL
+            .replace("[solved]", "[balanced]")
+            .replace("kind: train", &format!("kind: train{more}"))
+    };
+    let both = workspace(&scene, &[SAMPLES, solved, balanced, &model(", gather: true")]).refused(&["plan", "p.yaml"]);
+    for part in [
+        "`balanced@voltage=1kV` and `balanced@voltage=2kV` have different scenes: drive.voltage is 1000 V there",
+        "p.yaml:8:",
+    ] {
+        assert!(both.contains(part), "{part}\n{both}");
+    }
+    let each = workspace(&scene, &[SAMPLES, solved, balanced, &model("")]).run(&["plan", "p.yaml"]);
+    assert_eq!(each.code, Some(0), "{}", each.stderr);
+}
+
+#[test]
+fn words_that_a_table_cannot_hold_are_refused_by_plan() {
+    let long = format!("{}.csv", "l".repeat(61));
+    let stages = [
+        &format!("own: {{ foreach: {{ file: [short.csv, {long}] }}, kind: patterns, files: [\"${{file}}\"] }}"),
+        "solved: { kind: solve, needs: [own], elements_per_cell: 1 }",
+        "table: { kind: table, needs: [solved], columns: [file, max_displacement] }",
+    ];
+    let workspace = workspace(SCENE, &stages);
+    for file in ["short.csv", &long] {
+        workspace.write(file, &"1,1,1,1,1,1,1,1,1,1,0,0,0,0,0,0,0,0,0,0\n".repeat(20));
+    }
+    let refused = workspace.refused(&["plan", "p.yaml"]);
+    for part in ["the column `file`: \"lll", "has 65 bytes", "at most 64", "p.yaml:5:"] {
+        assert!(refused.contains(part), "{part}\n{refused}");
+    }
+    let short = workspace.run(&["plan", "p.yaml", "--set", "stages.own.foreach.file=[short.csv]"]);
+    assert_eq!(short.code, Some(0), "{}", short.stderr);
 }
 
 #[test]
@@ -80,8 +165,27 @@ fn a_breakdown_margin_that_no_pattern_can_reach_is_refused_by_plan() {
         5,
         "`breakdown_margin: 1.7` cannot be reached: at 2.0000 kV the field of any electrode leaves at most 1.667",
     );
-    let planned = workspace(SCENE, &[&with(1.6)]).run(&["plan", "p.yaml"]);
-    assert_eq!(planned.code, Some(0), "{}", planned.stderr);
+    let planned = |scene: &str, margin: f64| {
+        let planned = workspace(scene, &[&with(margin)]).run(&["plan", "p.yaml"]);
+        assert_eq!(planned.code, Some(0), "{}", planned.stderr);
+    };
+    planned(SCENE, 1.6);
+    // A pattern may use the group with the lowest voltage alone, but one without voltage moves nothing.
+    let groups = |second: &str| SCENE.replace("voltage: 2 kV", &format!("voltages: [2 kV, {second}]"));
+    refuses(
+        &groups("0 kV"),
+        &[&with(1.7)],
+        5,
+        "at 2.0000 kV the field of any electrode leaves at most 1.667",
+    );
+    planned(&groups("0 kV"), 1.6);
+    planned(&groups("1 kV"), 3.3);
+    refuses(
+        &groups("1 kV"),
+        &[&with(3.4)],
+        5,
+        "at 1.0000 kV the field of any electrode leaves at most 3.333",
+    );
 }
 
 #[test]
@@ -89,7 +193,7 @@ fn states_without_networks_of_their_own_are_refused_by_plan() {
     let scene = SCENE.replace("voltage: 2 kV", "voltages: [2 kV, 2 kV]")
         + "states: { left: { voltages: [2 kV, 0 kV] }, right: { voltages: [0 kV, 2 kV] } }\n";
     let solved = |name: &str, state: &str| {
-        format!("{name}: {{ kind: solve, needs: [samples], elements_per_cell: 1, state: {state} }}")
+        format!("{name}: {{ kind: solve, needs: [samples], elements_per_cell: 2, state: {state} }}")
     };
     let (left, right) = (solved("a", "left"), solved("b", "right"));
     let both = "model: { kind: train, needs: [a, b], network: qin2024, epochs: 1, seed: 1 }";
@@ -99,6 +203,70 @@ fn states_without_networks_of_their_own_are_refused_by_plan() {
         8,
         "`a` is of state `left` and `b` of state `right`",
     );
+    // Also behind other stages.
+    let balanced = |name: &str, of: &str| {
+        format!(
+            "{name}: {{ kind: balance, needs: [{of}], bins: 5, range: [0 mm, 2 mm], target: 80, symmetry: none, \
+             seed: 1 }}"
+        )
+    };
+    let (first, second) = (balanced("c", "a"), balanced("d", "b"));
+    let model = |name: &str, needs: &str| {
+        both.replace("model:", &format!("{name}:"))
+            .replace("[a, b]", &format!("[{needs}]"))
+    };
+    for (stages, message) in [
+        (
+            vec![model("m", "c, d")],
+            "`c` is of state `left` and `d` of state `right`",
+        ),
+        (
+            vec![model("m", "c"), model("n", "m, d")],
+            "`m` is of state `left` and `d` of state `right`",
+        ),
+        (
+            vec![
+                model("m", "c"),
+                "k: { kind: calibrate, needs: [m, d], seed: 1 }".to_owned(),
+            ],
+            "`m` is of state `left` and `d` of state `right`",
+        ),
+        (
+            vec![model("m", "c"), "k: { kind: evaluate, needs: [m, d] }".to_owned()],
+            "`m` is of state `left` and `d` of state `right`",
+        ),
+        (
+            vec![
+                model("m", "c"),
+                "k: { kind: accuracy, needs: [b, m], methods: [{ method: linear, elements_per_cell: 1 }] }".to_owned(),
+            ],
+            "`b` is of state `right` and `m` of state `left`",
+        ),
+    ] {
+        let stages: Vec<&str> = [SAMPLES, &left, &right, &first, &second]
+            .into_iter()
+            .chain(stages.iter().map(String::as_str))
+            .collect();
+        refuses(&scene, &stages, 4 + stages.len(), message);
+    }
+    let networks = |needs: &str| {
+        DESIGN
+            .replace("method: adjoint, units: 20, starts: 1", &format!("needs: [{needs}]"))
+            .replace("direction: 0 deg", "direction: 0 deg, state: left")
+            + " }"
+    };
+    let (m, n, o) = (model("m", "c"), model("n", "a"), model("o", "d"));
+    let with = |needs: &str| {
+        let design = networks(needs);
+        [SAMPLES, &left, &right, &first, &second, &m, &n, &o, &design].map(str::to_owned)
+    };
+    let stages = with("m, n");
+    let stages: Vec<&str> = stages.iter().map(String::as_str).collect();
+    refuses(&scene, &stages, 13, "the networks `m` and `n` are both of state `left`");
+    let stages = with("m, o");
+    let stages: Vec<&str> = stages.iter().map(String::as_str).collect();
+    let planned = workspace(&scene, &stages).run(&["plan", "p.yaml"]);
+    assert_eq!(planned.code, Some(0), "{}", planned.stderr);
     let one = both.replace("[a, b]", "[a]");
     let design = DESIGN
         .replace("method: adjoint, units: 20, starts: 1", "needs: [model]")

@@ -12,6 +12,10 @@ use deaflow_scene::Scene;
 use deaflow_store::Artifact;
 use deaflow_surrogate::{COVERAGE, Surrogate};
 
+/// Why a calibration cannot be used.
+pub const STATES: &str = "a calibration cannot be used for a device with several states";
+pub const SEVERAL: &str = "a design stage can use only one calibration";
+
 /// A network with its calibration.
 pub struct Calibrated {
     surrogate: Surrogate,
@@ -38,11 +42,10 @@ impl Calibrated {
                 ))
             })?;
             if !scene.states.is_empty() {
-                let message = "a calibration cannot be used for a device with several states";
-                return Err(StageError::input(message));
+                return Err(StageError::input(STATES));
             }
             if found.is_some() {
-                return Err(StageError::input("a design stage can use only one calibration"));
+                return Err(StageError::input(SEVERAL));
             }
             found = Some(Self {
                 surrogate: model::in_scene(network, scene)?,

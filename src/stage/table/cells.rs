@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::columns::{Column, Content, Row};
 use crate::results::unit;
-use deaflow_base::{Canonical, Dimension, NodeValue, Quantity};
+use deaflow_base::{Canonical, Dimension, InputError, Node, NodeValue, Quantity};
 use deaflow_orchestrator::StageError;
 
 /// The dimensions that the values of an axis may have, in the order in which they are tried.
@@ -67,14 +67,7 @@ impl CellValue {
 impl Cells {
     pub fn new(columns: &[Column], rows: &[Row]) -> Self {
         let cell = |column: &Column, row: &Row| match &column.content {
-            Content::Axis => Cell::Axis(row.axes.get(&column.name).map_or_else(
-                String::new,
-                |node| match node.value() {
-                    NodeValue::Number(text) | NodeValue::Text(text) => text.clone(),
-                    NodeValue::Bool(value) => value.to_string(),
-                    _ => String::new(),
-                },
-            )),
+            Content::Axis => Cell::Axis(row.axes.get(&column.name).map(text_of).unwrap_or_default()),
             Content::Result { stage, .. } => {
                 let own = row
                     .needs
@@ -88,6 +81,20 @@ impl Cells {
                 .map(|row| columns.iter().map(|column| cell(column, row)).collect())
                 .collect(),
         )
+    }
+
+    /// Checks that cells can hold the values of the axes.
+    ///
+    /// # Errors
+    /// If one cannot, with its position.
+    pub fn check(columns: &[Column], rows: &[Row]) -> Result<(), InputError> {
+        for column in columns.iter().filter(|column| matches!(column.content, Content::Axis)) {
+            let nodes: Vec<&Node> = rows.iter().filter_map(|row| row.axes.get(&column.name)).collect();
+            let texts: Vec<String> = nodes.iter().map(|node| text_of(node)).collect();
+            let texts: Vec<&str> = texts.iter().map(String::as_str).collect();
+            axis_values(&texts).map_err(|at| nodes[at].error(unfit(&column.name, texts[at])).help(ZIP))?;
+        }
+        Ok(())
     }
 
     /// Returns the number of rows.
@@ -122,7 +129,8 @@ impl Cells {
                 Some(Cell::Axis(text)) => Some(text.as_str()),
                 _ => None,
             });
-            return axis_values(&column.name, &texts.collect::<Vec<_>>());
+            let texts: Vec<&str> = texts.collect();
+            return axis_values(&texts).map_err(|at| StageError::input(unfit(&column.name, texts[at])));
         };
         let mut cells = Vec::with_capacity(self.rows());
         for row in &self.0 {
@@ -164,8 +172,33 @@ impl Cells {
     }
 }
 
+/// What to do about values of an axis that no cell can hold.
+const ZIP: &str = "zip the axis with one of short words, and use that one as the column";
+
+/// Says that no cell can hold a value of an axis.
+fn unfit(column: &str, text: &str) -> String {
+    match text.len() {
+        long if long > LONGEST => {
+            format!("the column `{column}`: {text:?} has {long} bytes; a cell of a table holds at most {LONGEST}")
+        }
+        _ => format!("the column `{column}`: {text:?} contains NUL"),
+    }
+}
+
+/// Returns the text of a value of an axis.
+fn text_of(node: &Node) -> String {
+    match node.value() {
+        NodeValue::Number(text) | NodeValue::Text(text) => text.clone(),
+        NodeValue::Bool(value) => value.to_string(),
+        _ => String::new(),
+    }
+}
+
 /// Converts the values of an axis to numbers in one unit if possible, else to words.
-fn axis_values(name: &str, texts: &[&str]) -> Result<(Vec<CellValue>, &'static str), StageError> {
+///
+/// # Errors
+/// If a cell cannot hold one of the words: its index.
+fn axis_values(texts: &[&str]) -> Result<(Vec<CellValue>, &'static str), usize> {
     for dimension in DIMENSIONS {
         let number = |text: &&str| match text.is_empty() {
             true => Some(CellValue::Empty),
@@ -179,11 +212,11 @@ fn axis_values(name: &str, texts: &[&str]) -> Result<(Vec<CellValue>, &'static s
             return Ok((cells, unit));
         }
     }
-    if let Some(long) = texts.iter().find(|text| text.len() > LONGEST) {
-        return Err(StageError::input(format!(
-            "the column `{name}`: {long:?} is longer than {LONGEST} bytes; zip the axis with one of short words, and \
-             use that one as the column"
-        )));
+    let unfit = texts
+        .iter()
+        .position(|text| text.len() > LONGEST || text.contains('\0'));
+    if let Some(at) = unfit {
+        return Err(at);
     }
     let word = |text: &&str| match text.is_empty() {
         true => CellValue::Empty,
@@ -199,13 +232,14 @@ mod tests {
     #[test]
     fn the_values_of_an_axis_have_one_unit() {
         let numbers = |texts: &[&str]| {
-            let (cells, unit) = axis_values("x", texts).unwrap();
+            let (cells, unit) = axis_values(texts).unwrap();
             (cells.iter().map(CellValue::number).collect::<Vec<_>>(), unit)
         };
         assert_eq!(numbers(&["3 kV", "500 V"]), (vec![Some(3000.0), Some(500.0)], "V"));
         assert_eq!(numbers(&["0.3", "1"]), (vec![Some(0.3), Some(1.0)], "1"));
         assert_eq!(numbers(&["0.3", ""]), (vec![Some(0.3), None], "1"));
         assert_eq!(numbers(&["3 kV", "4 mm"]), (vec![None, None], ""));
-        assert!(axis_values("x", &[&"a".repeat(65)]).is_err());
+        assert_eq!(axis_values(&["a", &"a".repeat(64), &"a".repeat(65)]), Err(2));
+        assert_eq!(axis_values(&["a\0"]), Err(0));
     }
 }

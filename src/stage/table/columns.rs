@@ -10,6 +10,9 @@ use deaflow_orchestrator::suggestion;
 /// The largest number of columns.
 pub const MOST_COLUMNS: usize = 100;
 
+/// The largest number of cells, which are in memory at once.
+const MOST_CELLS: usize = 1_000_000;
+
 /// A row: one combination of values.
 pub struct Row {
     /// The axes with their values.
@@ -85,13 +88,24 @@ pub fn kinds(kinds: Option<&Node>) -> Result<BTreeMap<String, String>, InputErro
 /// Reads the columns from a list of names.
 ///
 /// # Errors
-/// If a name is repeated or is neither an axis nor a result, or the values of an axis are lists or mappings.
+/// If there are too many, a name is repeated or is neither an axis nor a result, or the values of an axis are lists or
+/// mappings.
 pub fn columns(node: &Node, rows: &[Row], kinds: &BTreeMap<String, String>) -> Result<Vec<Column>, InputError> {
     let names = node.list("columns")?;
     if !(1..=MOST_COLUMNS).contains(&names.len()) {
         return Err(node
             .error(format!("`columns` has {} names", names.len()))
             .help(format!("allowed: 1 to {MOST_COLUMNS}")));
+    }
+    let cells = rows.len() * names.len();
+    if cells > MOST_CELLS {
+        let message = format!(
+            "the table has {} rows and {} columns: {cells} cells",
+            rows.len(),
+            names.len()
+        );
+        let help = format!("allowed: at most {MOST_CELLS} cells; name fewer columns, or use a table for each part");
+        return Err(node.error(message).help(help));
     }
     let mut columns: Vec<Column> = Vec::with_capacity(names.len());
     for node in names {
@@ -154,5 +168,43 @@ fn content(node: &Node, name: &str, rows: &[Row], kinds: &BTreeMap<String, Strin
             stage: stage.map(str::to_owned),
             result: result.to_owned(),
         }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use deaflow_base::Document;
+
+    #[test]
+    fn a_table_of_too_many_cells_is_refused_with_its_position() {
+        let names: Vec<String> = (0..MOST_COLUMNS).map(|at| format!("axis{at}")).collect();
+        let text = format!("columns: [{}]\n", names.join(", "));
+        let document = Document::from_text(Path::new("p.yaml"), &text).unwrap();
+        let node = document.root.peek("columns").unwrap();
+        let rows = |count: usize| -> Vec<Row> {
+            let axes: BTreeMap<String, Node> = names
+                .iter()
+                .map(|name| (name.clone(), node.list("columns").unwrap()[0].clone()))
+                .collect();
+            let row = |_| Row {
+                axes: axes.clone(),
+                needs: Vec::new(),
+            };
+            (0..count).map(row).collect()
+        };
+        assert_eq!(columns(node, &rows(10), &BTreeMap::new()).unwrap().len(), MOST_COLUMNS);
+        let mut many = rows(1);
+        many.resize_with(MOST_CELLS / MOST_COLUMNS + 1, || Row {
+            axes: BTreeMap::new(),
+            needs: Vec::new(),
+        });
+        let refused = columns(node, &many, &BTreeMap::new()).err().unwrap().to_string();
+        assert!(
+            refused.contains("the table has 10001 rows and 100 columns: 1000100 cells"),
+            "{refused}"
+        );
     }
 }
