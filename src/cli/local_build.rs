@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use serde_json::{Value, json};
 
 use super::arguments::{PipelineArguments, VerbosityArguments};
-use super::neglected::{may_break_down, neglected_effects};
+use super::neglected::{neglected_effects, observing};
 use super::pipeline::read_lock;
 use super::progress::RunProgress;
 use super::run_log::RunLog;
@@ -242,7 +242,7 @@ impl CompleteBuild<'_> {
             rounds: &pipeline.rounds,
         };
         let neglected = neglected_effects(pipeline, &artifacts)?;
-        let results = RunResults::cached(&artifacts, &pipeline.name, neglected, &may_break_down(pipeline))?;
+        let results = RunResults::cached(&artifacts, &pipeline.name, neglected, &observing(pipeline))?;
         for text in results.warnings().cloned() {
             log.write(&Event::Warning { text });
         }

@@ -7,7 +7,7 @@ use deaflow_fem::WorkLimit;
 use deaflow_fem::screening::{ScreenedScene, TestPattern, resolve_states};
 use deaflow_orchestrator::{Pipeline, StageSpec};
 use deaflow_report::{RunArtifacts, StageArtifact, warned_patterns};
-use deaflow_scene::Scene;
+use deaflow_scene::{Effects, Scene};
 
 /// Returns a warning for each significant effect that simulating stages neglect, after the names of those stages. It is
 /// about patterns that they have simulated. It depends on parts of the scene that affect no result (the drive in time,
@@ -117,11 +117,13 @@ fn screened(stage: &SimulatingStage<'_>, run: &RunArtifacts<'_>) -> Result<Vec<S
     Ok(found)
 }
 
-/// Returns the solving stages whose scene has, or with `auto` may have, the effect of dielectric breakdown.
-pub fn may_break_down(pipeline: &Pipeline) -> Vec<String> {
+/// Returns the solving stages whose scene has, or with `auto` may have, an effect of which samples are warned.
+pub fn observing(pipeline: &Pipeline) -> Vec<String> {
     let may = |stage: &&StageSpec| {
         let scene = pipeline.scene_of(stage).map(Scene::read);
-        scene.is_some_and(|scene| scene.is_ok_and(|scene| scene.auto || scene.effects.dielectric_breakdown.is_some()))
+        let warns =
+            |effects: &Effects| effects.dielectric_breakdown.is_some() || effects.electromechanical_stability.is_some();
+        scene.is_some_and(|scene| scene.is_ok_and(|scene| scene.auto || warns(&scene.effects)))
     };
     pipeline
         .stages

@@ -63,7 +63,7 @@ pub use observations::{Meshes, NO_STATE, Observations};
 pub use part::LongTexts;
 pub use patterns::named_patterns;
 pub use samples::{FROM_FILE, SAMPLED, SampleRows, Samples};
-pub use solutions::{SOLVED, Solutions, SolvedHistories, Unstable};
+pub use solutions::{SOLVED, Solutions, SolutionsView, SolvedHistories, Unstable};
 pub use solve_file::{CellFields, SolveFile};
 pub use table::Table;
 pub use training::{ALL_FAMILIES, Curves, LeftOutLabels, Metrics, Training};

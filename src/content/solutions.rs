@@ -7,8 +7,9 @@ use super::element::{Packed, PerBody};
 use super::macros::arrays;
 use super::observations::{Meshes, Observations};
 use super::samples::SampleRows;
-use deaflow_field::{Field, OutcomeKind};
+use deaflow_field::{Field, MESH_OVERESTIMATE, OutcomeKind};
 use deaflow_scene::{Effects, Scene};
+use deaflow_store::StoreError;
 
 /// The kinds of stages with this artifact.
 pub const SOLVED: [&str; 2] = ["solve", "import"];
@@ -42,6 +43,25 @@ arrays! {
         solver: Option<String> = attribute("solver"),
         /// The simulated effects; missing for imported samples.
         effects: Option<Effects> = attribute("effects"),
+    }
+}
+
+impl SolutionsView<'_> {
+    /// Returns for each sample whether a finer mesh could reject its solution: the critical voltage on the mesh of the
+    /// solution is above that of the scene by less than it may be too high. Without critical voltages no sample is.
+    ///
+    /// # Errors
+    /// If the artifact cannot be read.
+    pub fn near_limit(&self) -> Result<Vec<bool>, StoreError> {
+        let outcomes = self.outcome().read()?;
+        let critical = self.observations().critical_voltage().read()?;
+        let voltage = self.scene().read()?.voltage_v();
+        let is_near = |(outcome, [stable, lost]): (&OutcomeKind, [f64; 2])| {
+            // Both are 0 if stability is not lost.
+            *outcome == OutcomeKind::Converged && lost > 0.0 && (1.0 - MESH_OVERESTIMATE) * stable <= voltage
+        };
+        let critical = critical.unwrap_or_else(|| vec![[0.0; 2]; outcomes.len()]);
+        Ok(outcomes.iter().zip(critical).map(is_near).collect())
     }
 }
 

@@ -61,6 +61,20 @@ fn content_is_read_as_written() {
 }
 
 #[test]
+fn samples_near_the_limit_are_those_that_a_finer_mesh_could_reject() {
+    let near = |critical: Option<Vec<[f64; 2]>>| {
+        let mut solved = solutions();
+        solved.observations.critical_voltage = critical;
+        let (_folder, artifact) = stored(&solved.object());
+        Solutions::open(&artifact).unwrap().near_limit().unwrap()
+    };
+    // A mesh may be too stiff by 12 %: 88 % of 5,900 V are below the 5,250 V of the scene, 88 % of 6,000 V are not.
+    assert_eq!(near(Some(vec![[5900.0, 5901.0], [6000.0, 6001.0]])), [true, false]);
+    assert_eq!(near(Some(vec![[0.0; 2], [5250.0, 5251.0]])), [false, true]);
+    assert_eq!(near(None), [false; 2]);
+}
+
+#[test]
 fn a_view_reads_single_arrays_and_detects_missing_ones() {
     let (_folder, artifact) = stored(&solutions().object());
     let view = Solutions::open(&artifact).unwrap();

@@ -6,7 +6,7 @@
 //! from a hundredth to nearly one. The estimate subtracts a middle share, and its error covers the rest;
 //! `docs/effects.md` lists the patterns from which the shares were determined, on eight biquadratic elements per cell.
 
-use deaflow_field::Mesh;
+use deaflow_field::{MESH_OVERESTIMATE, Mesh};
 
 /// Remaining decrease of the critical voltage in units of that from the coarser to the finer mesh: middle value and
 /// half-width.
@@ -17,8 +17,6 @@ const REMAINING_ERROR: f64 = 0.5;
 const SLOW_CONVERGENCE: f64 = 3e-3;
 /// Share of a voltage left open by the searches, and by meshes if the critical voltage hardly changes.
 const SEARCH_ERROR: f64 = 2e-3;
-/// Largest share by which the critical voltage on a coarse mesh may be too high.
-pub(super) const COARSE: f64 = 0.12;
 
 /// A critical voltage with its error.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,7 +66,10 @@ impl CriticalVoltage {
     pub fn interval(&self) -> [f64; 2] {
         match self.error {
             Some(error) => [self.voltage - error, self.voltage + error],
-            None => [(1.0 - COARSE) * self.voltage, (1.0 + SEARCH_ERROR) * self.voltage],
+            None => [
+                (1.0 - MESH_OVERESTIMATE) * self.voltage,
+                (1.0 + SEARCH_ERROR) * self.voltage,
+            ],
         }
     }
 }

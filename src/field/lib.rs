@@ -12,7 +12,7 @@ mod states;
 pub use displacement::{CORNERS, Field, FieldError};
 pub use feasibility::Feasibility;
 pub use mesh::{Mesh, Order};
-pub use observation::{Charged, Motion, Observation};
+pub use observation::{Charged, MESH_OVERESTIMATE, Motion, Observation};
 pub use outcome_kind::OutcomeKind;
 pub use simulate::{
     Differentiable, Evaluator, NO_FIELD, Outcome, PredictError, Predictor, Simulation, Simulator, WithGradient,

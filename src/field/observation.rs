@@ -1,5 +1,8 @@
 //! Results of a solution other than the displacement.
 
+/// Largest share by which the critical voltage on one mesh may be too high.
+pub const MESH_OVERESTIMATE: f64 = 0.12;
+
 /// Results of effects and the motion of rigid bodies; an entry is only computed if the effect is on or there are
 /// bodies.
 #[derive(Clone, Debug, Default, PartialEq)]

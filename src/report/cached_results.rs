@@ -17,15 +17,15 @@ impl RunResults {
         run: &RunArtifacts<'_>,
         pipeline: &str,
         model_warnings: Vec<String>,
-        may_break_down: &[String],
+        observing: &[String],
     ) -> Result<Self, ReportError> {
         let folder = Self::folder(run, pipeline);
-        let key = cache_key(run, pipeline, &folder, (&model_warnings, may_break_down));
+        let key = cache_key(run, pipeline, &folder, (&model_warnings, observing));
         let known = load(run.store, &key);
         if let Some(known) = known.filter(|known| !known.figure_paths().any(is_missing)) {
             return Ok(known);
         }
-        let found = Self::of(run, pipeline, model_warnings, may_break_down)?;
+        let found = Self::of(run, pipeline, model_warnings, observing)?;
         if found.has_all_figures() {
             store(run.store, &key, &found);
         }
@@ -38,7 +38,7 @@ fn cache_key(
     run: &RunArtifacts<'_>,
     pipeline: &str,
     folder: &Path,
-    (model_warnings, may_break_down): (&[String], &[String]),
+    (model_warnings, observing): (&[String], &[String]),
 ) -> Digest {
     let RunArtifacts {
         file, stages, rounds, ..
@@ -46,7 +46,7 @@ fn cache_key(
     let build = build();
     let text = format!(
         "results of {build}\n{pipeline:?} {file:?} {folder:?} {stages:?} {rounds:?} {model_warnings:?} \
-         {may_break_down:?}"
+         {observing:?}"
     );
     Digest::of(text.as_bytes())
 }

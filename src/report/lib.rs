@@ -2,7 +2,6 @@
 
 mod artifacts;
 mod background_figures;
-mod breakdown;
 mod cached_results;
 mod designs;
 pub mod drawing;
@@ -19,6 +18,7 @@ mod html;
 mod in_time;
 mod intervals;
 mod kinds;
+mod observed;
 mod page;
 mod presenter;
 mod research_object;
@@ -35,7 +35,7 @@ pub use artifacts::{ArtifactReader, RunArtifacts, StageArtifact};
 pub use background_figures::BackgroundFigures;
 pub use error::ReportError;
 pub use figure_files::{FigureFile, figures_of, remove_figures};
-pub use format::{bytes, file_name, mm_measured, number, seconds, shell_word};
+pub use format::{bytes, file_name, mm_measured, number, seconds, shell_word, three};
 pub use headline::headlines;
 pub use history::{Origin, PipelineHistory, StageRecord};
 pub use html::{Column, Page};

@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::artifacts::{ArtifactReader, RunArtifacts, StageArtifact};
-use super::breakdown::breakdown_warnings;
 use super::drawing::{FigureError, with_texts};
 use super::error::ReportError;
 use super::format::{figure_name, file_name};
 use super::headline::headlines;
 use super::kinds::PRESENTERS;
+use super::observed::observed_warnings;
 use super::presenter::{DrawFigure, Headline, Presenter, Results};
 use deaflow_base::{Digest, is_dangling_link, read_own, software, write_output};
 use deaflow_store::Store;
@@ -39,7 +39,7 @@ pub struct RunResults {
 
 impl RunResults {
     /// Reads the artifacts of a run and draws the missing figures. `model_warnings` are the neglected effects that are
-    /// significant; `may_break_down` are the stages whose scene may have dielectric breakdown.
+    /// significant; `observing` are the stages whose scene may have effects with [warnings](observed_warnings).
     ///
     /// A figure that cannot be written (disk full) is a warning.
     ///
@@ -49,7 +49,7 @@ impl RunResults {
         run: &RunArtifacts<'_>,
         pipeline: &str,
         model_warnings: Vec<String>,
-        may_break_down: &[String],
+        observing: &[String],
     ) -> Result<Self, ReportError> {
         let mut of_kinds = Vec::new();
         for presenter in PRESENTERS {
@@ -76,7 +76,7 @@ impl RunResults {
             more,
             model_warnings: model_warnings
                 .into_iter()
-                .chain(breakdown_warnings(run, may_break_down)?)
+                .chain(observed_warnings(run, observing)?)
                 .collect(),
             figures: figures.iter().map(|path| path.display().to_string()).collect(),
             figure_warning,

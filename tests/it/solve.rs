@@ -295,6 +295,19 @@ fn a_solution_that_a_finer_mesh_could_refuse_is_named() {
         assert_eq!(ended.code, Some(0), "{}", ended.stderr);
         let named = ended.json()["near_limit"].as_array().unwrap().clone();
         assert_eq!(named.len(), usize::from(near), "{voltage}: {named:?}");
+        // A stage says so where critical voltages are observed.
+        let observed = SCENE.replace("effects: {}", "effects: { electromechanical_stability: {} }");
+        workspace.write("observed.yaml", &observed.replace("VOLTAGE", voltage));
+        workspace.write(
+            "own.yaml",
+            "version: 1\nname: own\nscene: observed.yaml\nstages:\n  \
+             own: { kind: patterns, files: [cell.csv] }\n  solved: { kind: solve, needs: [own] }\n",
+        );
+        let run = workspace.run(&["run", "own.yaml", "--json"]);
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        let warnings = run.json()["warnings"].to_string();
+        let told = warnings.contains("solved: 1 of 1 samples converged near the limit");
+        assert_eq!(told, near, "{voltage}: {warnings}");
         assert_eq!(ended.json()["patterns"][0]["near_limit"], near, "{voltage}");
         if near {
             let [found, error] = ["critical_voltage", "error"].map(|key| named[0][key].as_f64().unwrap());

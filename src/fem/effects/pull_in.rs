@@ -2,7 +2,9 @@
 //! `continuation` and `margin` compute.
 
 use super::effect::{Effect, Significance, Solutions, StableRange, Verdict};
-use crate::critical::{COARSE, CriticalVoltage};
+use crate::critical::CriticalVoltage;
+use deaflow_base::measured;
+use deaflow_field::MESH_OVERESTIMATE;
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, On, Scene};
 
@@ -62,7 +64,7 @@ impl Effect for ElectromechanicalStability {
         let least = searched.min_by(|a, b| a.1.total_cmp(&b.1));
         let by_first = first.map(|(pattern, limit)| by_critical_voltage(scene, pattern, &limit));
         // A finer mesh may be unstable at a lower voltage than a coarse one.
-        let certain = |reached: f64| (1.0 - COARSE) * reached;
+        let certain = |reached: f64| (1.0 - MESH_OVERESTIMATE) * reached;
         match (by_first, least) {
             (Some(found), _) if found.verdict == Verdict::Significant => Some(found),
             (_, Some((pattern, reached))) if ratio(certain(reached)) > NEAR => {
@@ -132,7 +134,7 @@ fn format_voltage(limit: &CriticalVoltage) -> String {
     let (unit, scale) = if limit.voltage < 1e3 { ("V", 1.0) } else { ("kV", 1e-3) };
     let volts = scale * limit.voltage;
     match limit.error {
-        Some(error) => format!("{volts:.2} ± {:.2} {unit}", scale * error),
+        Some(error) => format!("{} {unit}", measured(volts, scale * error)),
         None => format!("{volts:.2} {unit} on a coarse mesh"),
     }
 }

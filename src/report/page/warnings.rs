@@ -1,10 +1,10 @@
 //! The warnings of a report: neglected effects and samples beyond the model, and warnings of the stages.
 
 use crate::artifacts::RunArtifacts;
-use crate::breakdown::breakdown_warnings;
 use crate::error::ReportError;
 use crate::history::PipelineHistory;
 use crate::kinds::PRESENTERS;
+use crate::observed::observed_warnings;
 
 /// The warnings of a pipeline.
 pub struct ReportWarnings {
@@ -25,7 +25,7 @@ impl ReportWarnings {
             .model_warnings
             .iter()
             .cloned()
-            .chain(breakdown_warnings(run, &all)?);
+            .chain(observed_warnings(run, &all)?);
         let mut of_stages = Vec::new();
         for presenter in PRESENTERS {
             of_stages.extend(presenter.results(run)?.into_iter().flat_map(|results| results.warnings));
