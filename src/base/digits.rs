@@ -20,12 +20,37 @@ pub fn rounded_by(value: f64, error: f64) -> String {
         }
         place => format!("{value:.*}", place.unsigned_abs() as usize),
     };
+    without_negative_zero(&text)
+}
+
+/// Writes a minus sign, but none before zeros.
+fn without_negative_zero(text: &str) -> String {
     let is_zero = !text.contains(|c: char| ('1'..='9').contains(&c));
     match text.strip_prefix('-') {
         Some(size) if is_zero => size.to_owned(),
-        Some(size) => format!("−{size}"),
-        None => text,
+        _ => with_minus(text),
     }
+}
+
+/// Formats the ends of a range within which a value lies, each rounded by the width of the range.
+#[must_use]
+pub fn range_ends(ends: [f64; 2]) -> [String; 2] {
+    ends.map(|end| rounded_by(end, ends[1] - ends[0]))
+}
+
+/// Formats a number without a known error: four significant digits, and at most four decimals.
+#[must_use]
+pub fn four_digits(value: f64) -> String {
+    let scientific = format!("{:.3e}", value.abs());
+    let power = scientific.split_once('e').and_then(|(_, power)| power.parse().ok());
+    let decimals = (3 - power.unwrap_or(0_i32)).clamp(0, 4) as usize;
+    without_negative_zero(&format!("{value:.decimals$}"))
+}
+
+/// Replaces hyphens by minus signs, as in all numbers that people read.
+#[must_use]
+pub fn with_minus(number: &str) -> String {
+    number.replace('-', "−")
 }
 
 /// Formats the size of an estimated error with two significant digits and at most six decimals; smaller errors as a
@@ -90,6 +115,38 @@ mod tests {
             [0.022, 0.003_25, 138.0, 2e-7].map(error_digits),
             ["0.022", "0.0032", "140", "< 0.000001"]
         );
+    }
+
+    #[test]
+    fn numbers_without_an_error_have_four_digits_and_no_more_than_four_decimals() {
+        let texts = [
+            2.154_731, 0.999_96, 0.012_345, 12.345_6, 6_433.2, -0.042_71, -0.000_02, 0.0,
+        ]
+        .map(four_digits);
+        let expected = [
+            "2.155",
+            "1.000",
+            "0.0123",
+            "12.35",
+            "6433",
+            "−0.0427",
+            "0.0000",
+            "0.000",
+        ];
+        assert_eq!(texts, expected);
+        assert_eq!(with_minus("-1.2e-5"), "−1.2e−5");
+    }
+
+    #[test]
+    fn the_ends_of_a_range_are_rounded_by_its_width() {
+        for (ends, texts) in [
+            ([6_433.25, 6_434.12], ["6433.25", "6434.12"]),
+            ([6_433.25, 6_480.9], ["6433", "6481"]),
+            ([6_101.2, 7_433.1], ["6100", "7400"]),
+            ([-0.051_23, 0.043_11], ["−0.051", "0.043"]),
+        ] {
+            assert_eq!(range_ends(ends), texts);
+        }
     }
 
     #[test]

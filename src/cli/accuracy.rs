@@ -14,7 +14,7 @@ use super::pipeline::{read_scene, warn_of_units};
 use super::progress::Bar;
 use super::{CliError, Exit, Output, csv, job, model, write};
 use deaflow_accuracy::{AccuracyError, Benchmark, Candidate, Families, Measured, Network, Reference, drawn, given};
-use deaflow_base::{Document, Quantity};
+use deaflow_base::{Document, Quantity, with_minus};
 use deaflow_report::figures::{Cost, FamilyCosts, accuracy_sheet};
 use deaflow_sample::Canvas;
 use deaflow_scene::Scene;
@@ -246,6 +246,6 @@ fn millimetres(mm: f64) -> String {
         };
         format!("{mm:.decimals$}")
     } else {
-        format!("{mm:.1e}")
+        with_minus(&format!("{mm:.1e}"))
     }
 }

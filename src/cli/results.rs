@@ -11,7 +11,7 @@ use super::point::Probe;
 use super::table::{self, Cell};
 use super::text::Text;
 use super::tone::Tone;
-use deaflow_base::{error_digits, measured, rounded_by};
+use deaflow_base::{error_digits, four_digits, measured, range_ends, rounded_by};
 use deaflow_fem::CriticalVoltage;
 use deaflow_field::{Field, Mesh, OutcomeKind};
 use deaflow_report::mm_measured;
@@ -110,6 +110,12 @@ impl SampleResult {
     /// The estimated error in mm, for a requested accuracy.
     fn error_mm(&self) -> Option<f64> {
         self.accuracy?.error_mm
+    }
+
+    /// Rounds a displacement in mm by its estimated error, if that is known.
+    fn rounded(&self, mm: f64) -> String {
+        self.error_mm()
+            .map_or_else(|| four_digits(mm), |error| rounded_by(mm, error))
     }
 
     /// Whether the requested accuracy was not reached.
@@ -211,10 +217,7 @@ fn list(results: &[SampleResult], probe: Option<&Probe>) -> table::Table {
         let nowhere = if probe.is_some() { "" } else { "-" };
         row.push(Cell::from(result.peak.map_or(nowhere.to_owned(), |peak| peak.at())));
         if probe.is_some() {
-            let along = result.along_mm.map(|mm| match result.error_mm() {
-                Some(error) => format!("{} mm", rounded_by(mm, error)),
-                None => format!("{mm:.4} mm"),
-            });
+            let along = result.along_mm.map(|mm| format!("{} mm", result.rounded(mm)));
             row.push(Cell::from(along.unwrap_or("-".to_owned())));
         }
         table.add_row(row);
@@ -232,11 +235,13 @@ fn summary(results: &[SampleResult], file: Option<&Path>) -> Text {
     };
     let mut text = Text::new();
     text.toned(tone, format!("outcomes: {}", counted.join(", ")));
-    if let Some([(smallest, least), (median, _), (largest, most)]) = range(results) {
+    if let Some([(smallest, least), (median, middle), (largest, most)]) = range(results) {
         text.line(format!(
-            "largest displacement of each: smallest {smallest:.4} mm ({}), median {median:.4} mm, \
-             largest {largest:.4} mm ({}) at {}",
+            "largest displacement of each: smallest {} mm ({}), median {} mm, largest {} mm ({}) at {}",
+            least.rounded(smallest),
             least.id,
+            middle.rounded(median),
+            most.rounded(largest),
             most.id,
             most.peak.map_or_else(String::new, |peak| peak.at())
         ));
@@ -312,7 +317,8 @@ pub fn remarks(results: &[SampleResult], critical_note: Option<&str>) -> Text {
         let critical = result.critical.as_ref().filter(|_| !is_told)?;
         Some(match critical.between {
             Some([stable, lost]) => {
-                format!("stability is lost between {stable:.1} V and {lost:.1} V{}", critical.on)
+                let [stable, lost] = range_ends([stable, lost]);
+                format!("stability is lost between {stable} V and {lost} V{}", critical.on)
             }
             None => "the critical voltage was not found".to_owned(),
         })
@@ -356,7 +362,7 @@ pub fn close_to_instability(critical: Option<CriticalVoltage>) -> String {
 pub fn with_error(critical: &CriticalVoltage) -> String {
     match critical.error {
         Some(error) => format!("{} V", measured(critical.voltage, error)),
-        None => format!("{:.1} V, error not known", critical.voltage),
+        None => format!("{} V, error not known", four_digits(critical.voltage)),
     }
 }
 
@@ -495,7 +501,10 @@ mod tests {
         let near = told(Some(Some(limit)), Some(0.5), Some(1.0));
         assert!(near.contains("5900 ± 40 V") && !near.contains("6100"), "{near}");
         let searched = told(None, Some(0.93), Some(1.0));
-        assert!(searched.contains("6100.0 V") && searched.contains("close to the breakdown field: E/E_B = 0.93"));
+        assert!(
+            searched.contains("between 6100 V and 6110 V")
+                && searched.contains("close to the breakdown field: E/E_B = 0.93")
+        );
         assert!(told(None, Some(1.04), Some(1.0)).contains("exceeds the breakdown field: E/E_B = 1.04"));
         // At the work limit nothing is known of the stability.
         let stopped = SampleResult {
@@ -513,7 +522,7 @@ mod tests {
     fn few_are_listed() {
         let shown = text(&[result(0, Some(2.15)), result(1, None)], None, None).show(Screen::default());
         let lines: Vec<&str> = shown.lines().collect();
-        assert_eq!(lines[3], "       0   converged              2.1500 mm   25, 1 mm");
+        assert_eq!(lines[3], "       0   converged               2.150 mm   25, 1 mm");
         assert_eq!(lines[4], "       1   pull-in                        -   -");
     }
 
@@ -550,7 +559,7 @@ mod tests {
         let shown = text(&results, Some(Path::new("o.h5")), None).show(Screen::default());
         for part in [
             "outcomes: converged 20, pull-in 3\n",
-            "smallest 3.0000 mm (pattern 3), median 12.5000 mm, largest 22.0000 mm (pattern 22) at 25, 1 mm\n",
+            "smallest 3.000 mm (pattern 3), median 12.50 mm, largest 22.00 mm (pattern 22) at 25, 1 mm\n",
             "deaflow show o.h5 --csv",
         ] {
             assert!(shown.contains(part), "{shown}");

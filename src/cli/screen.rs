@@ -7,10 +7,11 @@ use clap::Args;
 use super::arguments::{StateArguments, TimeArguments};
 use super::text::Text;
 use super::{CliError, Exit, Output, table};
-use deaflow_base::InputError;
+use deaflow_base::{InputError, rounded_by};
 use deaflow_fem::WorkLimit;
 use deaflow_fem::screening::{self, Row, Screening, Status, TestPattern};
 use deaflow_pattern::PatternForm;
+use deaflow_report::three;
 use deaflow_scene::Scene;
 use deaflow_stage as stage;
 use deaflow_stage::direct;
@@ -75,9 +76,13 @@ fn text(screening: &Screening) -> Text {
         };
         table.add_row([
             format!("{}{formula}", row.effect),
-            row.assessment
-                .number
-                .map_or_else(|| "–".to_owned(), |number| format!("{number:.3}")),
+            row.assessment.number.map_or_else(
+                || "–".to_owned(),
+                |number| match row.assessment.error {
+                    Some(error) => rounded_by(number, error),
+                    None => three(number),
+                },
+            ),
             if arises {
                 row.assessment.threshold.to_string()
             } else {

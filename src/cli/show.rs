@@ -13,7 +13,9 @@ use super::arguments::{StoreArguments, has_hdf5_extension};
 use super::statistics::{self, Statistics};
 use super::text::Text;
 use super::{CliError, Exit, Output, csv, locate, table};
+use deaflow_base::with_minus;
 use deaflow_content::{ArtifactKind, Table};
+use deaflow_pattern::has_patterns;
 use deaflow_report::{ResultTable, Rows};
 use deaflow_store::{Artifact, Content, Lookup, Store, StoreError};
 
@@ -88,9 +90,7 @@ fn of_file(file: &Path) -> Result<Artifact, CliError> {
 
 /// Refuses a pattern or a table.
 fn refuse_pattern(file: &Path) -> Result<(), CliError> {
-    let is_pattern = file
-        .extension()
-        .is_some_and(|end| ["csv", "npy", "png"].iter().any(|known| end == *known));
+    let is_pattern = has_patterns(file) && !has_hdf5_extension(file);
     match is_pattern && file.is_file() {
         false => Ok(()),
         true => Err(
@@ -283,13 +283,13 @@ fn counts_line(path: &str, counts: &BTreeMap<String, u64>) -> String {
 fn number(value: f64) -> String {
     let magnitude = value.abs();
     if value == 0.0 || (magnitude < 1e9 && value.fract() == 0.0) {
-        return format!("{}", value + 0.0);
+        return with_minus(&(value + 0.0).to_string());
     }
     if !(1e-3..1e6).contains(&magnitude) {
-        return format!("{value:.3e}");
+        return with_minus(&format!("{value:.3e}"));
     }
     let decimals = (4 - magnitude.log10().floor() as i32).clamp(0, 7) as usize;
-    format!("{value:.decimals$}")
+    with_minus(&format!("{value:.decimals$}"))
 }
 
 #[cfg(test)]
@@ -304,7 +304,7 @@ mod tests {
             (3.0, "3"),
             (2.123_456_7, "2.1235"),
             (1_234.567_8, "1234.6"),
-            (1e-9, "1.000e-9"),
+            (-1e-9, "−1.000e−9"),
             (0.012_345_67, "0.012346"),
         ] {
             assert_eq!(number(value), text);

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::artifacts::ArtifactReader;
 use super::error::ReportError;
+use super::format::r_squared;
 use deaflow_base::two_digits;
 use deaflow_content as content;
 use deaflow_content::CoverageView;
@@ -335,7 +336,7 @@ impl Evaluation {
                 }
             }
             let last = self.families.len().saturating_sub(1);
-            cells.push(format!("{:.5}", predictor.max_displacement_r2[last]));
+            cells.push(r_squared(predictor.max_displacement_r2[last]));
             cells.push(two_digits(predictor.max_error_mm[last]));
             self.line(f, width, &predictor.name, &cells)?;
         }

@@ -1,6 +1,6 @@
 //! Formats numbers, durations and sizes for people, and names for files.
 
-use deaflow_base::measured;
+use deaflow_base::{four_digits, measured, rounded_by, with_minus};
 
 /// Writes a duration.
 pub fn seconds(seconds: f64) -> String {
@@ -36,9 +36,9 @@ pub fn bytes(bytes: u64) -> String {
     }
 }
 
-/// Writes a length in mm with four decimals, without its unit.
+/// Writes a length in mm with four significant digits and at most four decimals, without its unit.
 pub fn mm(value: f64) -> String {
-    signed(&format!("{:.4}", value + 0.0))
+    four_digits(value)
 }
 
 /// Writes a number with five significant digits; integers in full.
@@ -47,9 +47,9 @@ pub fn number(value: f64) -> String {
     let decimals = match value.abs() {
         _ if whole => 0,
         size if size >= 1e-4 => (4.0 - size.log10().floor()).clamp(0.0, 8.0) as usize,
-        _ => return format!("{value:.4e}"),
+        _ => return with_minus(&format!("{value:.4e}")),
     };
-    format!("{value:.decimals$}")
+    with_minus(&format!("{value:.decimals$}"))
 }
 
 /// Writes a number with three significant digits; those below 0.0001 as a bound.
@@ -57,7 +57,7 @@ pub fn three(value: f64) -> String {
     const LEAST: f64 = 1e-4;
     let size = value.abs();
     if !value.is_finite() || value == 0.0 {
-        return signed(&(value + 0.0).to_string());
+        return with_minus(&(value + 0.0).to_string());
     }
     if size < LEAST {
         return if value > 0.0 { "< 0.0001" } else { "> −0.0001" }.to_owned();
@@ -66,7 +66,7 @@ pub fn three(value: f64) -> String {
     let scientific = format!("{size:.2e}");
     let power = scientific.split_once('e').and_then(|(_, power)| power.parse().ok());
     let decimals = (2 - power.unwrap_or(0_i32)).max(0) as usize;
-    signed(&format!("{value:.decimals$}"))
+    with_minus(&format!("{value:.decimals$}"))
 }
 
 /// Writes a fraction in percent, with three significant digits.
@@ -83,19 +83,19 @@ pub fn change(change: f64) -> String {
     }
 }
 
-/// Writes a length in mm rounded by its estimated error, with four decimals if that is not known, without its unit.
+/// Writes a length in mm rounded by its estimated error, with four digits if that is not known, without its unit.
 pub fn mm_measured(value: f64, error: Option<f64>) -> String {
     error.map_or_else(|| mm(value), |error| measured(value, error))
 }
 
-/// Writes a fraction in percent, with a number of decimals.
-pub fn percent(fraction: f64, decimals: usize) -> String {
-    format!("{:.*} %", decimals, 100.0 * fraction)
+/// Writes a coefficient of determination, rounded by its distance from 1: 0.928, 0.99987.
+pub fn r_squared(value: f64) -> String {
+    rounded_by(value, 1.0 - value)
 }
 
-/// Replaces hyphens by minus signs.
-fn signed(text: &str) -> String {
-    text.replace('-', "−")
+/// Writes a fraction in percent, with a number of decimals.
+pub fn percent(fraction: f64, decimals: usize) -> String {
+    with_minus(&format!("{:.*} %", decimals, 100.0 * fraction))
 }
 
 /// Writes a number of things.
@@ -164,7 +164,7 @@ mod tests {
         }
         let sizes = [0, 999, 1_500, 999_990, 2_340_000_000].map(bytes);
         assert_eq!(sizes, ["0 B", "999 B", "1.5 kB", "1.0 MB", "2.3 GB"]);
-        assert_eq!((mm(-1.23456), percent(0.9912, 1)), ("−1.2346".into(), "99.1 %".into()));
+        assert_eq!((mm(-1.23456), percent(0.9912, 1)), ("−1.235".into(), "99.1 %".into()));
         assert_eq!(cut("abcdef", 4), "abc…");
     }
 
@@ -187,6 +187,10 @@ mod tests {
         assert_eq!(
             [0.0169, -0.05, 0.0, 1e-7].map(change),
             ["+1.69 %", "−5.00 %", "0 %", "< 0.0001 %"]
+        );
+        assert_eq!(
+            [0.927_74, 0.999_871, 1.0, -3.21].map(r_squared),
+            ["0.928", "0.99987", "1.000000", "−3.2"]
         );
         assert_eq!([1.0, 0.989_84].map(percents), ["100 %", "99.0 %"]);
         assert_eq!(

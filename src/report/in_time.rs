@@ -194,7 +194,7 @@ mod tests {
         let found = verdicts(&times, &[row("early", 20, [1.0, 1.8]), row("late", 25, [0.95, 2.0])]);
         assert_eq!(found.len(), 1);
         assert!(
-            found[0].contains("At 0.1 s, early reaches 1.0000 mm, and late is 5.00 % below")
+            found[0].contains("At 0.1 s, early reaches 1.000 mm, and late is 5.00 % below")
                 && found[0].contains("at 10 min")
                 && found[0].ends_with("is 10.00 % below it."),
             "{}",

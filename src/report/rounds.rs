@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::artifacts::StageArtifact;
 use super::error::ReportError;
 use super::figures::{Round, rounds_sheet};
-use super::format::figure_name;
+use super::format::{figure_name, mm, percents};
 use super::summary::{RowSummary, VerificationSummary};
 use deaflow_base::Digest;
 use deaflow_orchestrator::Rounds;
@@ -216,7 +216,7 @@ impl RoundsSummary {
     fn best_by_round(&self, target: &BestOfTarget) -> String {
         let same = |best: &&BestOfTarget| (&best.case, &best.name) == (&target.case, &target.name);
         let of_round = |round: &RoundSummary| match round.best.iter().find(same) {
-            Some(best) => format!("{:.3}", best.simulated_mm),
+            Some(best) => mm(best.simulated_mm),
             None => "–".to_owned(),
         };
         self.rounds.iter().map(of_round).collect::<Vec<_>>().join(", ")
@@ -233,15 +233,15 @@ impl fmt::Display for RoundsSummary {
         for (k, round) in self.rounds.iter().enumerate() {
             write!(f, "\n  round {:>2}  {:>4} designs  ", k + 1, round.designs)?;
             match (round.largest_mm, round.rms_mm) {
-                (Some(largest), Some(rms)) => write!(f, "at most {largest:.4} mm, RMS {rms:.4} mm")?,
+                (Some(largest), Some(rms)) => write!(f, "at most {} mm, RMS {} mm", mm(largest), mm(rms))?,
                 _ => write!(f, "none with both a prediction and a simulation")?,
             }
             if let (Some(largest), Some(rms)) = (round.largest_relative, round.rms_relative) {
                 write!(
                     f,
-                    "; at most {:.2} %, RMS {:.2} % of the simulated",
-                    100.0 * largest,
-                    100.0 * rms
+                    "; at most {}, RMS {} of the simulated",
+                    percents(largest),
+                    percents(rms)
                 )?;
             }
         }
@@ -345,7 +345,7 @@ mod tests {
         assert_eq!(best(1), [("a".to_owned(), 2.3), ("b".to_owned(), 1.01)]);
         let text = of_stage.to_string();
         for part in [
-            "round  1     3 designs  at most 0.5000 mm, RMS 0.3367 mm; at most 30.00 %, RMS 22.55 % of the simulated",
+            "round  1     3 designs  at most 0.5000 mm, RMS 0.3367 mm; at most 30.0 %, RMS 22.5 % of the simulated",
             "best of I a  2.200, 2.300 mm simulated",
         ] {
             assert!(text.contains(part), "{part}: {text}");

@@ -9,10 +9,10 @@ use serde::Serialize;
 use super::artifacts::ArtifactReader;
 use super::designs::{Compared, LEAST_MM, comparison, gain, is_to_be_met};
 use super::error::ReportError;
-use super::format::{change, counted, percents, three};
+use super::format::{change, counted, mm, mm_measured, percents, three};
 use super::intervals::{self, NetworkInterval};
 use super::presenter::Headline;
-use deaflow_base::measured;
+use deaflow_base::{measured, rounded_by};
 use deaflow_content::{Verification, predicted_rows};
 use deaflow_field::{NO_FIELD, OutcomeKind};
 use deaflow_pattern::Role;
@@ -51,7 +51,7 @@ pub struct RowSummary {
     pub member: u64,
     /// Units along a side that the search could switch.
     pub units: u64,
-    /// Electrode area, a fraction of the free membrane.
+    /// Electrode area, a share of the free membrane.
     pub area: f64,
     /// Electrode area on the prestretched membrane, mm².
     pub area_mm2: f64,
@@ -109,9 +109,16 @@ impl RowSummary {
         format!("{}: {}", words.join(" "), self.role_name())
     }
 
+    /// Rounds a displacement of the simulation in mm by its estimated error, if that is known.
+    fn rounded(&self, value: f64) -> String {
+        self.simulated_error_mm
+            .map_or_else(|| mm(value), |error| rounded_by(value, error))
+    }
+
     fn role_name(&self) -> &'static str {
         match self.role {
             Role::Ga => "genetic algorithm",
+            Role::Optimum => "gradient search",
             Role::IntuitiveEqualArea => "intuitive, equal area",
             other => other.name(),
         }
@@ -177,7 +184,7 @@ impl VerificationSummary {
             .iter()
             .filter_map(|row| Some((*row, row.simulated_mm?)))
             .collect();
-        let Some((best, mm)) = best_of(&solved) else {
+        let Some((best, best_mm)) = best_of(&solved) else {
             return Headline::bad(match designs.len() {
                 0 => format!(
                     "{stage}: {} without a design of a search",
@@ -185,20 +192,22 @@ impl VerificationSummary {
                 ),
                 _ => {
                     let drawn = self.rows.iter().find_map(|row| Some((row, row.simulated_mm?)));
-                    let drawn =
-                        drawn.map_or_else(String::new, |(row, mm)| format!("; {}: {mm:.3} mm", row.role_name()));
+                    let drawn = drawn.map_or_else(String::new, |(row, value)| {
+                        format!("; {}: {} mm", row.role_name(), row.rounded(value))
+                    });
                     format!("{stage}: no stable solution was found for any design that was searched{drawn}")
                 }
             });
         };
         let is_met = |row: &RowSummary| row.status == "met";
         if designs.iter().any(|row| !row.same_target(best)) {
-            let least = solved.iter().map(|(_, mm)| *mm).fold(mm, f64::min);
-            let most = solved.iter().map(|(_, mm)| *mm).fold(mm, f64::max);
-            let text = format!(
-                "{stage}: {} designs, simulated {least:.3} to {most:.3} mm",
-                designs.len()
-            );
+            let [mut least, mut most] = [(best, best_mm); 2];
+            for &design in &solved {
+                least = if design.1 < least.1 { design } else { least };
+                most = if design.1 > most.1 { design } else { most };
+            }
+            let [least, most] = [least, most].map(|(row, value)| row.rounded(value));
+            let text = format!("{stage}: {} designs, simulated {least} to {most} mm", designs.len());
             return match designs.iter().filter(|row| !is_met(row)).count() {
                 0 => Headline::good(text),
                 n => Headline::bad(format!("{text}; {n} violate constraints")),
@@ -206,13 +215,14 @@ impl VerificationSummary {
         }
         let mut text = format!("{stage}: best design ({})", best.role_name());
         if let Some(predicted) = best.predicted_mm {
-            text += &format!(", predicted {predicted:.3} mm");
+            text += &format!(", predicted {} mm", mm(predicted));
         }
         let word = simulation_word(best.outcome);
-        text += &match best.simulated_error_mm {
-            Some(error) => format!(", {word} {} mm (mesh)", measured(mm, error)),
-            None => format!(", {word} {mm:.3} mm"),
-        };
+        let estimated = best.simulated_error_mm.map_or("", |_| " (mesh)");
+        text += &format!(
+            ", {word} {} mm{estimated}",
+            mm_measured(best_mm, best.simulated_error_mm)
+        );
         if let Some(distance) = best.distance_mm {
             text += &format!(", {} mm from the target", three(distance));
         } else if let Some(gain) = best.gain_equal_area {
@@ -450,13 +460,13 @@ impl fmt::Display for Line<'_> {
         let row = self.0;
         write!(f, "area {:>5.1} %, {:>6} mm²", 100.0 * row.area, three(row.area_mm2))?;
         match row.predicted_mm {
-            Some(mm) => write!(f, "  predicted {mm:>7.3} mm")?,
+            Some(value) => write!(f, "  predicted {:>7} mm", mm(value))?,
             None => write!(f, "  no prediction       ")?,
         }
         let word = simulation_word(row.outcome);
         match (row.simulated_mm, row.simulated_error_mm) {
-            (Some(mm), Some(error)) => write!(f, "  {word} {:>16} mm", measured(mm, error))?,
-            (Some(mm), None) => write!(f, "  {word} {mm:>7.3} mm")?,
+            (Some(value), Some(error)) => write!(f, "  {word} {:>16} mm", measured(value, error))?,
+            (Some(value), None) => write!(f, "  {word} {:>7} mm", mm(value))?,
             (None, _) => write!(f, "  no stable solution was found: {}", row.outcome)?,
         }
         if let Some(interval) = &row.interval {

@@ -4,6 +4,7 @@ use comfy_table::{CellAlignment, Table, TableComponent, presets::UTF8_HORIZONTAL
 use serde_json::{Value, json};
 
 use super::figures::{Curve, Curves};
+use deaflow_base::with_minus;
 use deaflow_content as content;
 
 /// Longer numbers are rounded for people.
@@ -50,7 +51,8 @@ impl ResultTable {
     pub fn shown(&self) -> Vec<Vec<String>> {
         let shown = |(text, number): &(String, Option<f64>)| match number {
             Some(number) if text.len() > MAX_LETTERS => super::format::number(*number),
-            _ => text.clone(),
+            Some(_) => with_minus(text),
+            None => text.clone(),
         };
         self.rows.iter().map(|row| row.iter().map(shown).collect()).collect()
     }

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use crate::text::Text;
 use crate::{CliError, table, write};
-use deaflow_base::ArtifactId;
+use deaflow_base::{ArtifactId, error_digits};
 use deaflow_content::{AttributeError, Audit};
 use deaflow_report::figures::{Background, DeformedMembrane, membrane_sheet};
 use deaflow_report::{Page, audit_figure};
@@ -189,7 +189,7 @@ impl AuditReport {
         if found.samples == 0 {
             return "no samples on a finer mesh: the error of the mesh was not checked".to_owned();
         }
-        let mm = |value: Option<f64>| value.map_or("-".to_owned(), |mm| format!("{mm:.2e} mm"));
+        let mm = |value: Option<f64>| value.map_or("-".to_owned(), |mm| format!("{} mm", error_digits(mm)));
         let allowed = match found.allowed {
             Some(_) => format!("; allowed up to {}", mm(found.allowed)),
             None => "; no accuracy is declared".to_owned(),

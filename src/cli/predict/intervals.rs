@@ -12,7 +12,7 @@ use crate::table::{Cell, Table, table};
 use crate::text::Text;
 use crate::tone::Tone;
 use crate::{CliError, Output, csv, write};
-use deaflow_base::Document;
+use deaflow_base::{Document, error_digits, rounded_by};
 use deaflow_content::{LongTexts, ObjectiveIntervals, PredictionIntervals};
 use deaflow_design::{Goal, Objective};
 use deaflow_field::Field;
@@ -241,9 +241,13 @@ impl Intervals {
             .flowing(&objectives)
             .dispensable(&["radius mm"]);
         for (index, row) in self.rows.iter().enumerate().take(FEW) {
-            let ends = |[value, lower, upper]: [f64; 3]| format!("{value:.4} [{lower:.4}, {upper:.4}]");
+            let ends = |numbers: [f64; 3]| {
+                let half = 0.5 * (numbers[2] - numbers[1]);
+                let [value, lower, upper] = numbers.map(|number| rounded_by(number, half));
+                format!("{value} [{lower}, {upper}]")
+            };
             let mut cells: Vec<Cell> = vec![index.into(), ends(row.largest).into()];
-            cells.push(format!("{:.4}", row.interval.radius_mm).into());
+            cells.push(error_digits(row.interval.radius_mm).into());
             cells.extend(row.objectives.iter().copied().map(ends).map(Cell::from));
             cells.push(format!("{:.2}", row.interval.novelty).into());
             let flagged = row.interval.out_of_distribution;

@@ -9,7 +9,7 @@ use crate::arguments::quantity;
 use crate::job::{Attachments, JobResult};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
-use deaflow_base::{Dimension, Time, error_digits, rounded_by};
+use deaflow_base::{Dimension, Time, error_digits, four_digits, rounded_by};
 use deaflow_content::{Histories, Lines, Packed};
 use deaflow_fem::screening::{ScreenedScene, TestPattern};
 use deaflow_fem::{AccurateHistory, History, HistorySolver, Instant, USUAL_TIME_ERROR};
@@ -431,7 +431,7 @@ fn overview(followed: &[PatternHistory]) -> table::Table {
         let error = known_error_mm(history.time_error_mm, *space_error_mm);
         let displacement = |mm: f64| match error {
             Some(error) => format!("{} mm", rounded_by(mm, error)),
-            None => format!("{mm:.4} mm"),
+            None => format!("{} mm", four_digits(mm)),
         };
         let at = |time: f64| format!("{} s", rounded(time));
         let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
@@ -478,8 +478,8 @@ fn missed(followed: &[PatternHistory], accuracy_mm: Option<f64>) -> Vec<(usize, 
         let [time, space] = [found.history.time_error_mm, found.space_error_mm]
             .map(|error| error.filter(|error| found.history.outcome.is_converged() && *error > accuracy));
         let errors = [
-            time.map(|error| format!("estimated error of the time steps {error:.1e} mm")),
-            space.map(|error| format!("estimated error of the finest mesh {error:.1e} mm")),
+            time.map(|error| format!("estimated error of the time steps {} mm", error_digits(error))),
+            space.map(|error| format!("estimated error of the finest mesh {} mm", error_digits(error))),
         ];
         let errors: Vec<String> = errors.into_iter().flatten().collect();
         let line = format!(
@@ -498,7 +498,9 @@ fn imprecise(followed: &[PatternHistory]) -> Vec<(usize, String)> {
         let largest = found.largest.iter().copied().fold(0.0, f64::max);
         let (error, usual) = (history.time_error_mm?, USUAL_TIME_ERROR * largest);
         let line = format!(
-            "pattern {index}: the estimated error of the time steps, {error:.1e} mm, exceeds the usual {usual:.1e} mm"
+            "pattern {index}: the estimated error of the time steps, {} mm, exceeds the usual {} mm",
+            error_digits(error),
+            error_digits(usual)
         );
         (history.outcome.is_converged() && error > REPORTED_ERROR * usual).then_some((index, line))
     };

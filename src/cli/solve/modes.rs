@@ -10,6 +10,7 @@ use crate::arguments::integer;
 use crate::job::JobResult;
 use crate::text::Text;
 use crate::{CliError, Exit, Output, table};
+use deaflow_base::four_digits;
 use deaflow_content::{Packed, Vibrations};
 use deaflow_fem::screening::resolve;
 use deaflow_fem::{MOST_MODES, MembraneSolver, Vibration};
@@ -129,7 +130,10 @@ fn overview(found: &[Vibration], count: usize) -> table::Table {
     let last: Vec<&str> = header[2..].iter().rev().copied().collect();
     let mut table = table::table(&header, &header[2..]).dispensable(&last);
     for (index, one) in found.iter().enumerate() {
-        let hertz = one.frequencies.iter().map(|hertz| format!("{hertz:.2} Hz"));
+        let hertz = one
+            .frequencies
+            .iter()
+            .map(|hertz| format!("{} Hz", four_digits(*hertz)));
         let hertz = hertz.chain(std::iter::repeat("-".to_owned())).take(shown);
         let row = [index.to_string(), one.outcome.to_string()];
         table.add_row(row.into_iter().chain(hertz).collect::<Vec<_>>());

@@ -9,7 +9,7 @@ use crate::job::{Attachments, JobResult};
 use crate::results::with_error;
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
-use deaflow_base::Progress;
+use deaflow_base::{Progress, four_digits};
 use deaflow_content::LoadPaths;
 use deaflow_fem::screening::resolve;
 use deaflow_fem::{CriticalSearch, CriticalVoltage, LoadPath, MembraneSolver, MeshLimit, PathEvent};
@@ -79,7 +79,7 @@ fn overview(paths: &[PatternPath]) -> table::Table {
         // The displacement belongs to the voltage of this mesh, not to the one extrapolated from two meshes.
         let on_mesh = limit.and_then(|limit| {
             let mm = path.points.get(limit.point)?.max_displacement;
-            Some(format!("{mm:.4} mm at {:.1} V", limit.voltage))
+            Some(format!("{} mm at {} V", four_digits(mm), four_digits(limit.voltage)))
         });
         let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
         table.add_row([

@@ -11,7 +11,7 @@ use crate::arguments::{integer, quantity};
 use crate::job::{Attachments, JobResult};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
-use deaflow_base::Dimension;
+use deaflow_base::{Dimension, four_digits, with_minus};
 use deaflow_content::{FrequencyResponses, Lines, Packed};
 use deaflow_fem::screening::resolve;
 use deaflow_fem::{AtFrequency, FrequencyResponse, FrequencySolver, SetupError, at_bias};
@@ -320,7 +320,7 @@ fn overview(found: &[FrequencyResponse], motions: &[WatchedMotion], frequencies:
     let mut lines = Vec::new();
     for (index, (one, motion)) in found.iter().zip(motions).enumerate() {
         let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
-        let amplitude = |value: f64| format!("{value:.4e} mm/V");
+        let amplitude = |value: f64| format!("{} mm/V", with_minus(&format!("{value:.3e}")));
         let largest = motion.largest(frequencies);
         let first = motion.0.first().copied().flatten();
         table.add_row([
@@ -329,8 +329,8 @@ fn overview(found: &[FrequencyResponse], motions: &[WatchedMotion], frequencies:
             or_dash(largest.map(|_| format!("{}, {}", one.watched[0], one.watched[1]))),
             or_dash(first.map(|[value, _]| amplitude(value))),
             or_dash(largest.map(|([value, _], _)| amplitude(value))),
-            or_dash(largest.map(|(_, at)| format!("{at:.4} Hz"))),
-            or_dash(largest.map(|([_, phase], _)| format!("{phase:.1} deg"))),
+            or_dash(largest.map(|(_, at)| format!("{} Hz", four_digits(at)))),
+            or_dash(largest.map(|([_, phase], _)| format!("{} deg", with_minus(&format!("{phase:.1}"))))),
         ]);
         let without = one.each.iter().zip(frequencies).filter_map(|(at, frequency)| match at {
             AtFrequency::Response { .. } => None,

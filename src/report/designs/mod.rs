@@ -32,7 +32,7 @@ pub(super) fn role_title(role: Role) -> &'static str {
     match role {
         Role::Refined => "Refined",
         Role::Ga => "Genetic algorithm",
-        Role::Optimum => "Optimum",
+        Role::Optimum => "Gradient search",
         Role::Intuitive => "Intuitive, own area",
         Role::IntuitiveEqualArea => "Intuitive, equal area",
         Role::Own => "Own pattern",

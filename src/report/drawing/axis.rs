@@ -1,5 +1,7 @@
 //! Axes with round ticks.
 
+use deaflow_base::with_minus;
+
 /// An axis: its label, range and ticks.
 #[derive(Clone)]
 pub struct Axis {
@@ -150,7 +152,7 @@ impl Axis {
     }
 
     fn write(&self, tick: f64) -> String {
-        match &self.format {
+        let text = match &self.format {
             // There is no space for more decimals.
             TickFormat::Decimals(decimals) if *decimals > MOST_DECIMALS => {
                 if tick == 0.0 {
@@ -161,7 +163,7 @@ impl Axis {
             }
             // −0.0 would have a sign.
             TickFormat::Decimals(decimals) => format!("{:.*}", decimals, tick + 0.0),
-            TickFormat::Names(names) => names.get(tick.round() as usize).cloned().unwrap_or_default(),
+            TickFormat::Names(names) => return names.get(tick.round() as usize).cloned().unwrap_or_default(),
             TickFormat::Shortest => {
                 let digits = (-(tick.log10() + 1e-9).floor()).max(0.0) as usize;
                 if digits <= MOST_DECIMALS && tick < 99_999.0 {
@@ -170,7 +172,8 @@ impl Axis {
                     format!("{tick:.0e}")
                 }
             }
-        }
+        };
+        with_minus(&text)
     }
 }
 
@@ -216,8 +219,8 @@ mod tests {
                 .map(|(_, text)| text)
                 .collect::<Vec<_>>()
         };
-        assert_eq!(texts(2.05e-5, 2.35e-5)[..2], ["2.05e-5", "2.10e-5"]);
-        assert_eq!(texts(0.0, 1e-4)[..2], ["0", "2e-5"]);
+        assert_eq!(texts(2.05e-5, 2.35e-5)[..2], ["2.05e−5", "2.10e−5"]);
+        assert_eq!(texts(0.0, 1e-4)[..2], ["0", "2e−5"]);
     }
 
     #[test]
@@ -231,7 +234,7 @@ mod tests {
             ["0.02", "0.04", "0.06", "0.08", "0.10", "0.12"]
         );
         assert_eq!(texts(&[0.0153, 0.3]), ["0.02", "0.05", "0.1", "0.2"]);
-        assert_eq!(texts(&[1e-5, 1.0]), ["1e-5", "0.0001", "0.001", "0.01", "0.1", "1"]);
+        assert_eq!(texts(&[1e-5, 1.0]), ["1e−5", "0.0001", "0.001", "0.01", "0.1", "1"]);
         assert!(texts(&[0.5]).len() > 2 && !texts(&[]).is_empty());
         assert!(!Axis::logarithmic("loss", &[1.0]).shows(0.0));
     }

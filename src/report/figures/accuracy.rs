@@ -1,6 +1,7 @@
 //! Accuracy and cost: the error of each method over its time, for each family of patterns.
 
 use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
+use crate::format::number;
 
 /// The methods, measured on one family of patterns.
 #[derive(Clone, Debug)]
@@ -128,7 +129,7 @@ fn series(family: &FamilyCosts) -> Vec<Series> {
         }
         let texts = own.iter().map(|&k| {
             let (time, error) = points[k];
-            format!("{}: {time:.3} ms, {error:.2e} mm", costs[k].settings)
+            format!("{}: {} ms, {} mm", costs[k].settings, number(time), number(error))
         });
         let texts = texts.collect();
         let dots = own.iter().map(|&k| points[k]).collect();

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use crate::drawing::{Axis, Chart, Colour, EMPTY, FigureError, Mark, Series, Sheet, extent};
-use crate::format::cut;
+use crate::format::{cut, r_squared};
 use deaflow_base::two_digits;
 
 /// The data of the figure of an evaluation.
@@ -58,7 +58,7 @@ impl EvaluationFigure {
                 Series::new("", Colour::Grey, Mark::Dashed, vec![(0.0, 0.0), (end, end)]),
                 Series::new("", Colour::Blue, Mark::Cloud, dots.copied().collect()),
             ];
-            let note = format!("R² {:.5}, {n} patterns", predictor.peak_r2);
+            let note = format!("R² {}, {n} patterns", r_squared(predictor.peak_r2));
             Chart::new(cut(&predictor.name, NAME), axes, series)
                 .with_note(note)
                 .square(SIDE)

@@ -1,6 +1,7 @@
 //! The history of a genetic algorithm, generation by generation.
 
 use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
+use crate::format::mm;
 
 /// One value per generation of each curve, including the first population.
 #[derive(Clone, Debug)]
@@ -11,7 +12,7 @@ pub struct Evolution {
     pub mean: Vec<f64>,
     /// Predicted displacement of the best individual along the target direction, in mm.
     pub value: Vec<f64>,
-    /// Electrode area of the best individual, a fraction of the membrane.
+    /// Electrode area of the best individual, a share of the free membrane.
     pub area: Vec<f64>,
 }
 
@@ -52,8 +53,8 @@ pub fn evolution_sheet(data: &Evolution) -> Result<Sheet, FigureError> {
         ),
         chart(
             format!(
-                "Predicted displacement of the best individual: {:.3} mm",
-                data.value[n - 1]
+                "Predicted displacement of the best individual: {} mm",
+                mm(data.value[n - 1])
             ),
             "Displacement [mm]",
             &[("", Colour::Blue, &data.value)],

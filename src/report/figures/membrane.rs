@@ -3,6 +3,7 @@
 use maud::{Markup, html};
 
 use crate::drawing::{Axis, Background, Chart, DeformedMembrane, Sheet, THOUSAND, exaggeration, viridis};
+use crate::format::mm;
 
 /// Length of the longer side of the membrane, and width of the colour bar.
 const SIDE: f64 = 356.4;
@@ -42,15 +43,9 @@ fn magnitude(data: &DeformedMembrane, scale: f64) -> Chart {
     let note = match data.points()[..] {
         [p] => {
             let u = data.at(p);
-            format!(
-                "({}, {}) mm moves by ({:.3}, {:.3}) mm",
-                p[0],
-                p[1],
-                u[0] + 0.0,
-                u[1] + 0.0
-            )
+            format!("({}, {}) mm moves by ({}, {}) mm", p[0], p[1], mm(u[0]), mm(u[1]))
         }
-        _ => format!("largest {:.3} mm", data.largest()),
+        _ => format!("largest {} mm", mm(data.largest())),
     };
     let inside = html! { (data.magnitudes(scale)) (data.outline("light", scale)) (data.arrows(scale)) };
     on_membrane("Magnitude of the displacement", note, data.background(), inside, SIDE)

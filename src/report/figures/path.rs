@@ -1,6 +1,6 @@
 //! Displacement over voltage, from rest past the loss of stability.
 
-use deaflow_base::measured;
+use deaflow_base::{four_digits, measured};
 
 use crate::drawing::{Axis, Chart, Colour, FigureError, LARGE, MAX_NAMED, Mark, Series, Sheet};
 
@@ -38,7 +38,7 @@ impl Limit {
         let kilovolts = 1e-3 * self.voltage;
         match self.error {
             Some(error) => format!("{} kV", measured(kilovolts, 1e-3 * error)),
-            None => format!("{kilovolts:.3} kV"),
+            None => format!("{} kV", four_digits(kilovolts)),
         }
     }
 }

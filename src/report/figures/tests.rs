@@ -67,6 +67,7 @@ fn cases() -> Vec<VerifiedPattern> {
             membrane: membrane(factor),
             predicted: Some(2.08 * factor),
             simulated: 2.1 * factor,
+            error: Some(0.003_21),
             least_width: None,
             gain: (factor > 0.9).then_some(factor / 0.9 - 1.0),
         })
@@ -198,6 +199,17 @@ fn figures_have_the_same_bytes_every_time_and_nothing_touches_their_border() {
         NAMES.len(),
         "no temporary file stays"
     );
+}
+
+#[test]
+fn verified_displacements_are_rounded_by_their_errors() {
+    let title = |sheet: Result<Sheet, FigureError>| sheet.unwrap().markup.into_string();
+    let known = title(agreement_sheet(&cases()));
+    assert!(known.contains("2.1000 ± 0.0032 mm"), "{known}");
+    assert!(title(gallery_sheet(&cases())).contains("2.1000 mm"));
+    let unknown = cases().into_iter().map(|case| VerifiedPattern { error: None, ..case });
+    let unknown = title(agreement_sheet(&unknown.collect::<Vec<_>>()));
+    assert!(unknown.contains("2.100 mm") && !unknown.contains("±"), "{unknown}");
 }
 
 #[test]

@@ -5,7 +5,8 @@ use maud::html;
 use super::membrane::electrode;
 use crate::designs::LEAST_MM;
 use crate::drawing::{Axis, Chart, Colour, DeformedMembrane, FigureError, Mark, Series, Sheet, exaggeration, extent};
-use crate::format::three;
+use crate::format::{mm, mm_measured, three};
+use deaflow_base::rounded_by;
 use deaflow_pattern::Role;
 
 /// One pattern, predicted and simulated.
@@ -19,10 +20,20 @@ pub struct VerifiedPattern {
     pub predicted: Option<f64>,
     /// The same, simulated.
     pub simulated: f64,
+    /// Its estimated error in mm, if known.
+    pub error: Option<f64>,
     /// Gain over the intuitive design at its own area, a fraction; `None` without a comparison.
     pub gain: Option<f64>,
     /// The required minimum width of electrodes and gaps, if there is one.
     pub least_width: Option<String>,
+}
+
+impl VerifiedPattern {
+    /// Rounds the simulated displacement by its error, if that is known.
+    fn rounded(&self) -> String {
+        self.error
+            .map_or_else(|| mm(self.simulated), |error| rounded_by(self.simulated, error))
+    }
 }
 
 /// Side of a membrane, and height of the bars.
@@ -49,7 +60,7 @@ pub fn agreement_sheet(cases: &[VerifiedPattern]) -> Result<Sheet, FigureError> 
     }
     let scale = exaggeration(cases.iter().map(|case| &case.membrane));
     let drawn = |case: &VerifiedPattern| {
-        let reached = format!("{:.4} mm, ", case.simulated);
+        let reached = format!("{} mm, ", mm_measured(case.simulated, case.error));
         let chart = electrode(&case.name, &case.membrane, scale, SIDE);
         let note = reached + &chart.note;
         chart.with_note(note)
@@ -149,7 +160,7 @@ pub fn gallery_sheet(cases: &[VerifiedPattern]) -> Result<Sheet, FigureError> {
             markup: html! {
                 g.chart {
                     text class="ink" x="8" y="15" { (name) }
-                    text class="ink" x="8" y="30" { (format!("{:.3} mm", case.simulated)) }
+                    text class="ink" x="8" y="30" { (case.rounded()) " mm" }
                     text x="8" y="45" { (width) }
                     g.membrane transform="translate(8 54) scale(0.128)" {
                         (membrane.background().draw_frame()) (membrane.electrode(scale)) (membrane.arrows(scale))

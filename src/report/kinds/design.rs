@@ -55,8 +55,9 @@ impl Presenter for DesignPresenter {
                 .map(|(_, mm)| *mm);
             let stage = &source.stage.stage;
             Ok(match best.reduce(f64::max) {
-                Some(mm) => Headline::good(format!(
-                    "{stage}: best design {mm:.3} mm, as predicted by the search, not verified"
+                Some(value) => Headline::good(format!(
+                    "{stage}: best design {} mm, as predicted by the search, not verified",
+                    mm(value)
                 )),
                 None => Headline::good(format!("{stage}: designs, not verified")),
             })
@@ -268,7 +269,7 @@ mod tests {
         };
         assert!(chart("s", "by gradients", "Step", &[still]).is_none());
         let drawn = chart("s", "by gradients", "Step", &[search]).unwrap();
-        assert_eq!(drawn.note, "by gradients, ends at 2.0000 mm");
+        assert_eq!(drawn.note, "by gradients, ends at 2.000 mm");
         assert!(drawn.legend().next().is_none(), "one curve needs no legend");
     }
 }

@@ -7,7 +7,7 @@ use crate::drawing::Sheet;
 use crate::error::ReportError;
 use crate::evaluation::{Coverage, Evaluation, PredictorScores, read};
 use crate::figures::{EvaluationFigure, PredictorErrors};
-use crate::format::percent;
+use crate::format::{percent, r_squared};
 use crate::html::{Column, Page};
 use crate::presenter::{Figures, Headline, Presenter, Results};
 use deaflow_base::two_digits;
@@ -117,7 +117,7 @@ fn matrix(evaluation: &Evaluation, data: &EvaluationFigure) -> Markup {
                             @if let Some(error) = error { td.heat style=(shaded(*error)) { (two_digits(*error)) } }
                             @else { td.heat { "none" } }
                         }
-                        td.heat { (format!("{:.5}", last(&predictor.max_displacement_r2))) }
+                        td.heat { (r_squared(last(&predictor.max_displacement_r2))) }
                         td.heat { (two_digits(last(&predictor.max_error_mm))) }
                     }
                 }

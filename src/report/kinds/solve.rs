@@ -6,9 +6,10 @@ use crate::artifacts::{ArtifactReader, RunArtifacts};
 use crate::drawing::{EMPTY, Sheet, extent};
 use crate::error::ReportError;
 use crate::figures::{FamilyDeformation, deformation_charts, deformation_sheet};
-use crate::format::counted;
+use crate::format::{counted, mm};
 use crate::html::Page;
 use crate::presenter::{Figures, Headline, Presenter};
+use deaflow_base::range_ends;
 use deaflow_content::Solutions;
 
 /// Presents stages of a kind whose artifacts are samples with fields.
@@ -24,9 +25,9 @@ impl Presenter for SolvePresenter {
             let peaks: Vec<f64> = families(source)?.into_iter().flat_map(|family| family.peaks).collect();
             let (least, most) = extent(&peaks, EMPTY);
             let (stage, lost) = (&source.stage.stage, lost(source)?);
-            let range = match most - least < 5e-4 {
-                true => format!("{most:.3} mm"),
-                false => format!("{least:.3} to {most:.3} mm"),
+            let range = match [least, most].map(mm) {
+                [least, most] if least == most => format!("{most} mm"),
+                [least, most] => format!("{least} to {most} mm"),
             };
             Ok(match (peaks.len(), lost) {
                 (0, None) => Headline::bad(format!("{stage}: no sample has a field")),
@@ -80,11 +81,11 @@ fn lost(source: &ArtifactReader<'_>) -> Result<Option<String>, ReportError> {
     let known: Vec<[f64; 2]> = brackets.into_iter().filter(|[_, lost]| *lost > 0.0).collect();
     let between = match known.as_slice() {
         [] => String::new(),
-        [[stable, lost]] => format!(" between {stable:.1} V and {lost:.1} V"),
         many => {
             let least = many.iter().map(|[stable, _]| *stable).fold(f64::INFINITY, f64::min);
             let most = many.iter().map(|[_, lost]| *lost).fold(0.0, f64::max);
-            format!(" between {least:.1} V and {most:.1} V")
+            let [least, most] = range_ends([least, most]);
+            format!(" between {least} V and {most} V")
         }
     };
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();

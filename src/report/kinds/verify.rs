@@ -119,6 +119,7 @@ fn verification(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportErro
             membrane,
             predicted: summary.predicted_mm,
             simulated: summary.simulated_mm.unwrap_or(0.0),
+            error: summary.simulated_error_mm,
             gain: summary.gain_own_area,
             least_width: least_width(&constraints[row]),
         }

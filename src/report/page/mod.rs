@@ -141,7 +141,10 @@ fn of_designs(found: &DesignStatistics) -> Vec<(String, String)> {
             true => format!("; the lowest of all is {}", extreme.design),
             false => String::new(),
         };
-        let what = format!("of {}: {role}{least}", extreme.of.unwrap_or("the optimum"));
+        let what = format!(
+            "of {}: {role}{least}",
+            extreme.of.unwrap_or("the best pattern found by gradient search")
+        );
         (percents(extreme.value), what)
     };
     tiles.extend(found.refined_to_optimum.iter().map(|e| ratio(e, "refined design")));

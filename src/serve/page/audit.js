@@ -162,7 +162,7 @@ async function sample(sets, row, place, { check, audit }) {
     drawMembrane(canvas, pattern, at === 3 && values ? new Float32Array(values.length) : values, { size: extent, scale: at === 3 ? 1 : 2, values: of, low: 0, high });
     bar.hidden = !of;
     if (of) drawBar(bar, false);
-    note.textContent = of ? `${name}: largest ${number(Math.max(...of), 5)} mm` : `${name}: ${without}`;
+    note.textContent = of ? `${name}: largest ${number(Math.max(...of))} mm` : `${name}: ${without}`;
   };
   drawPattern(canvases[0].canvas, pattern);
   canvases[0].note.textContent = "Pattern";

@@ -39,12 +39,22 @@ export function replace(element, ...children) {
   element.replaceChildren(fragment);
 }
 
-/** Writes a number for people. @param {number|null|undefined} value @param {number} [digits] */
+/** Replaces hyphens by minus signs, as in `base/digits.rs`. @param {string} text */
+function withMinus(text) {
+  return text.replaceAll("-", "−");
+}
+
+/** Writes a number for people, without a known error. @param {number|null|undefined} value @param {number} [digits] */
 export function number(value, digits = 4) {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   if (value === 0) return "0";
   const size = Math.abs(value);
-  return size >= 1e6 || size < 1e-3 ? value.toExponential(Math.max(digits - 2, 1)) : String(Number(value.toPrecision(digits)));
+  return withMinus(size >= 1e6 || size < 1e-3 ? value.toExponential(Math.max(digits - 2, 1)) : String(Number(value.toPrecision(digits))));
+}
+
+/** Writes a number of a column: integers in full. @param {number} value */
+export function cell(value) {
+  return Number.isSafeInteger(value) ? withMinus(String(value)) : number(value);
 }
 
 /** The most decimals of a number with an error; as in `base/digits.rs`. */
@@ -59,7 +69,12 @@ export function roundedBy(value, error, digits = 4) {
   if (error === null || error === undefined || !Number.isFinite(error)) return number(value, digits);
   const place = error === 0 ? -MOST_DECIMALS : Math.max(Number(error.toExponential(1).split("e")[1]) - 1, -MOST_DECIMALS);
   const text = place > 0 ? String(Math.round(value / 10 ** place) * 10 ** place) : value.toFixed(-place);
-  return Number(text) === 0 ? text.replace("-", "") : text;
+  return Number(text) === 0 ? text.replace("-", "") : withMinus(text);
+}
+
+/** Writes the ends of a range within which a value lies, each rounded by the width of the range. @param {[number, number]} ends @param {number} [error] a larger error of both */
+export function rangeEnds([low, high], error = 0) {
+  return [low, high].map((end) => roundedBy(end, Math.max(high - low, error)));
 }
 
 /** Writes the size of an estimated error with two digits. @param {number|null|undefined} error */

@@ -1,7 +1,7 @@
 // The rows of an artifact: a table that the server filters, sorts and pages, a histogram, and pictures of patterns and fields.
 
 import { frame, json } from "./server.js";
-import { attempt, choice, h, labelled, number, problem, replace, settled, short } from "./elements.js";
+import { attempt, cell, choice, h, labelled, number, problem, replace, settled, short } from "./elements.js";
 import { charts } from "./chart.js";
 import { drawBar, drawMembrane, drawPattern, magnitudes } from "./membrane.js";
 import { card, drawField, drawn, patternsAt, rowLink, size } from "./pictures.js";
@@ -145,7 +145,7 @@ export async function rowsView(place, found, query) {
         else marked.delete(id);
         counted.textContent = `${marked.size} marked`;
       } });
-      return h("tr", { "aria-selected": String(id === chosen) }, h("td", {}, mark), h("td", {}, h("button", { type: "button", onclick: () => choose(id) }, String(id))), values.map((value, k) => h("td", { class: answer.columns[k].is_text ? "cut" : "number", title: isDigest(value) ? value : null }, typeof value === "number" ? number(value, 6) : isDigest(value) ? `${value.slice(0, 12)}…` : value ?? "–")));
+      return h("tr", { "aria-selected": String(id === chosen) }, h("td", {}, mark), h("td", {}, h("button", { type: "button", onclick: () => choose(id) }, String(id))), values.map((value, k) => h("td", { class: answer.columns[k].is_text ? "cut" : "number", title: isDigest(value) || typeof value === "number" ? String(value) : null }, typeof value === "number" ? cell(value) : isDigest(value) ? `${value.slice(0, 12)}…` : value ?? "–")));
     };
     replace(tableBox, h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Rows" }, h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, ""), h("th", { scope: "col" }, "row"), answer.columns.map(head))), h("tbody", {}, answer.rows.map(row)))));
     const last = Math.min(state.offset + answer.rows.length, answer.matched);
@@ -224,7 +224,7 @@ export async function rowsView(place, found, query) {
     replace(
       one,
       h("h2", {}, `Row ${id}`),
-      h("div", { class: "pair pictures" }, left, displacement ? h("figure", {}, right, h("figcaption", { class: "small soft" }, `Displacement: largest ${number(largest(displacement), 4)} mm, from dark to bright`)) : null, h("dl", { class: "results" }, values.map((/** @type {[string, any]} */ [name, value]) => [h("dt", {}, name), h("dd", {}, typeof value === "number" ? number(value, 6) : value ?? "–")]))),
+      h("div", { class: "pair pictures" }, left, displacement ? h("figure", {}, right, h("figcaption", { class: "small soft" }, `Displacement: largest ${number(largest(displacement), 4)} mm, from dark to bright`)) : null, h("dl", { class: "results" }, values.map((/** @type {[string, any]} */ [name, value]) => [h("dt", {}, name), typeof value === "number" ? h("dd", { title: String(value) }, cell(value)) : h("dd", {}, value ?? "–")]))),
       h("div", { class: "tools" }, alike),
       predicted,
       h("h3", {}, "Origin"),

@@ -1,7 +1,7 @@
 // Past runs: the list, one of them, and the comparison of several.
 
 import { json } from "./server.js";
-import { changes, h, near, number, replace, seconds, short, table, titled, when } from "./elements.js";
+import { cell, changes, h, near, number, replace, seconds, short, table, titled, when } from "./elements.js";
 
 /** Results in a row of the list, and the order of results. */
 const MAX_RESULTS = 4;
@@ -45,7 +45,7 @@ export async function runsView(view) {
         seconds(run.seconds),
         h("span", {}, built.length > 5 ? `${built.length} of ${run.stages.length}` : built.join(", ") || "nothing", failed.length ? h("span", { class: "error" }, ` failed: ${failed.join(", ")}`) : null, stopped.length ? ` stopped: ${stopped.join(", ")}` : null),
         changes(run.overrides),
-        h("span", {}, results.slice(0, MAX_RESULTS).map(([name, value]) => h("div", {}, `${name} ${number(/** @type {number} */ (value))}`))),
+        h("span", {}, results.slice(0, MAX_RESULTS).map(([name, value]) => h("div", {}, `${name} ${cell(/** @type {number} */ (value))}`))),
       ];
     };
     replace(box, runs.length ? table("Runs", ["", "run", "ended", "pipeline", { title: "took", number: true }, "built", "changed", "results"], runs.map(row), true) : h("p", {}, "There are no runs yet; start one with ", h("code", {}, "deaflow run pipeline.yaml"), "."), more ? h("p", { class: "soft" }, `The last ${runs.length} runs; deaflow log lists all.`) : null);
@@ -65,7 +65,7 @@ export async function runView(view, id) {
   const run = await json(`runs/${encodeURIComponent(id)}`);
   titled(`Run ${run.id} of ${run.pipeline}`);
   const stage = (/** @type {any} */ one) => [one.name, h("span", { class: one.outcome === "failed" ? "error" : null }, one.outcome), one.digest ? short(one.digest) : ""];
-  const pairs = (/** @type {Record<string, any>} */ of) => Object.entries(of).map(([name, value]) => [h("span", { class: "mono" }, name), typeof value === "number" ? number(value, 6) : String(value)]);
+  const pairs = (/** @type {Record<string, any>} */ of) => Object.entries(of).map(([name, value]) => [h("span", { class: "mono" }, name), typeof value === "number" ? h("span", { title: String(value) }, cell(value)) : String(value)]);
   replace(
     view,
     h("h1", {}, `Run ${run.id}`),
@@ -77,7 +77,7 @@ export async function runView(view, id) {
     table("Stages", ["stage", "outcome", "artifact"], run.stages.map(stage)),
     Object.keys(run.overrides).length ? [h("h2", {}, "Changed values"), table("Overrides", ["path", "value"], pairs(run.overrides))] : null,
     h("h2", {}, "Results"),
-    table("Results", ["result", { title: "value", number: true }, "unit"], ranked(run.results).map(([name, value]) => [h("span", { class: "mono" }, name), h("span", { title: String(value) }, number(value, 8)), run.units?.[name] ?? ""])),
+    table("Results", ["result", { title: "value", number: true }, "unit"], ranked(run.results).map(([name, value]) => [h("span", { class: "mono" }, name), h("span", { title: String(value) }, cell(value)), run.units?.[name] ?? ""])),
     h("details", {}, h("summary", {}, "Parameters"), table("Parameters", ["parameter", "value"], pairs(run.parameters))),
   );
 }
@@ -107,7 +107,7 @@ export async function compareView(view, ids) {
       .filter((name) => compares(key, name) && (all || differs(name)))
       .map((name) => [h("span", { class: "mono" }, name, key === "results" && units[name] ? h("span", { class: "soft" }, `, ${units[name]}`) : null), ...runs.map((run) => {
         const value = run[key][name];
-        return value === undefined ? "–" : typeof value === "number" ? number(value, 6) : h("span", { class: "mono" }, String(value));
+        return value === undefined ? "–" : typeof value === "number" ? h("span", { title: String(value) }, number(value, 6)) : h("span", { class: "mono" }, String(value));
       })]);
   };
   const heads = (/** @type {string} */ first, /** @type {boolean} */ are) => [first, ...runs.map((run) => ({ title: `${run.id}, ${when(run.created)}`, number: are }))];

@@ -95,7 +95,7 @@ export class Improve {
   /** @param {any} step @param {number[]} values @param {number|null} target */
   describe(step, values, target) {
     const count = `${values.length} pattern${values.length === 1 ? "" : "s"}`;
-    const text = `${count}, value ${number(values[0], 5)} → ${number(step.value, 6)} mm, ${this.pad.areaOf(Pattern.of(step.pattern)).text}`;
+    const text = `${count}, value ${number(values[0])} → ${number(step.value)} mm, ${this.pad.areaOf(Pattern.of(step.pattern)).text}`;
     if (!step.done) return text;
     if (target === null) return `Done: ${text}; no further improvement to first order.`;
     const against = compareWithTarget(step.value, target);
@@ -114,7 +114,7 @@ export class Improve {
       h(
         "div",
         {},
-        h("p", {}, `${what}: ${number(best.value, 6)} mm`),
+        h("p", { title: `${best.value} mm`, "data-value": String(best.value) }, `${what}: ${number(best.value)} mm`),
         h("button", { type: "button", onclick: () => this.pad.pen.become(best.pattern) }, "Show"),
         " ",
         // Its values differ from those of a coarser mesh.

@@ -1,6 +1,6 @@
 // The numbers of the sketchpad: results, their errors, and the command that prints them.
 
-import { copyable, copying, errorDigits, h, measured, number, replace, roundedBy, seconds } from "./elements.js";
+import { copyable, copying, errorDigits, h, measured, number, rangeEnds, replace, roundedBy, seconds } from "./elements.js";
 
 /** Explanations of outcomes. @type {Record<string, string>} */
 const OUTCOMES = {
@@ -123,14 +123,15 @@ export class Numbers {
     if (error) return `${measured(found.critical_voltage, error)} V`;
     const [stable, lost] = found.critical_bracket ?? [0, Infinity];
     const own = stable <= found.critical_voltage && found.critical_voltage <= lost;
-    return `${number(found.critical_voltage, 5)} V (${own ? "this mesh" : "one finer mesh"}, error unknown)`;
+    return `${number(found.critical_voltage)} V (${own ? "this mesh" : "one finer mesh"}, error unknown)`;
   }
 
   /** @param {any} found */
   unstable(found) {
     const mesh = meshWords(found.elements_per_cell, found.order);
     const critical = found.critical_voltage_error ? this.critical(found) : null;
-    const own = found.bracket ? `With this mesh (${mesh}), it is stable up to ${number(found.bracket[0], 6)} V and unstable at ${number(found.bracket[1], 6)} V` : "The stability is unknown";
+    const [stable, lost] = rangeEnds(found.bracket ?? [0, 0]);
+    const own = found.bracket ? `With this mesh (${mesh}), it is stable up to ${stable} V and unstable at ${lost} V` : "The stability is unknown";
     return h(
       "div",
       { class: "box", role: "alert" },

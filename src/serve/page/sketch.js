@@ -1,7 +1,7 @@
 // The sketchpad: a pattern, and the membrane that moves while it is drawn.
 
 import { frame, json } from "./server.js";
-import { attempt, bytes, choice, h, labelled, near, number, numeric, problem, replace, roundedBy, seconds, settled, showInvalid } from "./elements.js";
+import { attempt, bytes, choice, h, labelled, near, number, numeric, problem, rangeEnds, replace, roundedBy, seconds, settled, showInvalid } from "./elements.js";
 import { drawBar, drawMembrane, drawPattern, magnitudes } from "./membrane.js";
 import { range } from "./colours.js";
 import { Pattern } from "./pattern.js";
@@ -20,14 +20,14 @@ const PATIENCE = 250;
 /** Shorter solutions do not tell the pace of the machine, s. */
 const SHORT = 0.01;
 
-/** Colourings of the membrane: label, unit, divisor of the values, whether the colours start at zero, and digits of the ends. */
+/** Colourings of the membrane: label, unit, divisor of the values, and whether the colours start at zero. */
 const COLOURINGS = {
-  displacement: ["displacement", "mm", 1, true, 6],
-  stress: ["larger principal stress", "kPa", 1e3, false, 3],
-  least_stress: ["smaller principal stress", "kPa", 1e3, false, 3],
-  field: ["true electric field", "MV/m", 1e6, true, 3],
-  tension: ["tension: taut, wrinkled, slack", "", 1, true, 3],
-  electrode: ["electrodes", "", 1, true, 3],
+  displacement: ["displacement", "mm", 1, true],
+  stress: ["larger principal stress", "kPa", 1e3, false],
+  least_stress: ["smaller principal stress", "kPa", 1e3, false],
+  field: ["true electric field", "MV/m", 1e6, true],
+  tension: ["tension: taut, wrinkled, slack", "", 1, true],
+  electrode: ["electrodes", "", 1, true],
 };
 
 /** The highest voltage, V. */
@@ -222,7 +222,7 @@ class Sketchpad {
     const free = parts ? parts.filter((/** @type {number} */ part) => !part).length : pattern.cells.length;
     const active = pattern.cells.reduce((sum, cell, at) => sum + (cell && !parts?.[at] ? 1 : 0), 0);
     const share = active / Math.max(free, 1);
-    return { share, text: `area ${number(100 * share, 4)} %${parts ? " of the membrane" : ""}, ${number((active * width * height) / pattern.cells.length, 5)} mm²` };
+    return { share, text: `area ${number(100 * share, 4)} %${parts ? " of the membrane" : ""}, ${number((active * width * height) / pattern.cells.length)} mm²` };
   }
 
   mostVoltage() {
@@ -526,12 +526,13 @@ class Sketchpad {
       this.criticalMark.value = this.critical === null ? "" : String(this.critical);
       const critical = this.numbers.critical(found);
       const [stable, lost] = found.critical_bracket ?? [];
-      const own = stable === undefined ? "" : `this mesh alone: ${number(stable, 6)} to ${number(lost, 6)} V`;
       const { critical_voltage: at, critical_voltage_error: error } = found;
+      const [from, to] = stable === undefined ? ["", ""] : rangeEnds([stable, lost], error ?? 0);
+      const own = stable === undefined ? "" : `this mesh alone: ${from === to ? from : `${from} to ${to}`} V`;
       // The command prints the limit of the mesh: if both differ, both are shown.
       const differs = own && error && (lost < at - error || stable > at + error);
       this.criticalText.textContent = critical === null ? "no instability found" : `limit ${critical}${differs ? ` (${own})` : ""}`;
-      this.criticalText.title = own;
+      this.criticalText.title = stable === undefined ? "" : `this mesh alone: ${stable} to ${lost} V`;
     }
     this.learnPace(found);
     this.numbers.show();
@@ -575,13 +576,15 @@ class Sketchpad {
     /** @type {ArrayLike<number>|null} */ let values = null;
     if (displacement && this.colouring === "displacement") values = magnitudes(displacement, columns, rows);
     else if (displacement && this.colouring !== "electrode") values = shown.arrays[this.colouring]?.data ?? null;
-    const [name, unit, factor, fromZero, digits] = /** @type {any} */ (COLOURINGS)[this.colouring];
+    const [name, unit, factor, fromZero] = /** @type {any} */ (COLOURINGS)[this.colouring];
     const [least, high] = values ? range(values) : [0, 0];
     const low = fromZero ? Math.min(0, least) : least;
     drawMembrane(this.membrane, pattern, displacement, { size, scale: this.scale, values, parts, low, high });
     if (values) {
       drawBar(this.bar, false);
-      this.legend.textContent = `${name}: ${number(low / factor, digits)} to ${number(high / factor, digits)} ${unit}`;
+      // The error is that of displacements.
+      const known = this.colouring === "displacement" && !shown.quick ? shown.document.error : null;
+      this.legend.textContent = `${name}: ${[low, high].map((end) => (end === 0 ? "0" : roundedBy(end / factor, known, 3))).join(" to ")} ${unit}`;
     } else this.legend.textContent = this.colouring === "electrode" || !shown || displacement ? "electrodes" : "no stable state: the membrane is shown at rest";
     this.bar.hidden = !values;
   }

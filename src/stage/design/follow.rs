@@ -2,7 +2,7 @@
 
 use std::cell::Cell;
 
-use deaflow_base::Stopped;
+use deaflow_base::{Stopped, four_digits};
 use deaflow_design::{CheckpointError, GenerationReport, Observer, SearchProgress, SearchStep};
 use deaflow_orchestrator::Job;
 
@@ -53,7 +53,11 @@ const CHECKPOINT: &str = "search";
 impl Observer for Follow<'_> {
     fn generation(&self, report: &GenerationReport) {
         let (number, mm, area) = (report.generation, report.value_mm, report.area);
-        let note = format!("generation {number}: best {mm:.4} mm at area {area:.3}");
+        let note = format!(
+            "generation {number}: best {} mm at area {:.1} %",
+            four_digits(mm),
+            100.0 * area
+        );
         self.job.progress.note(&note);
         if number == 0 && self.first < 1.0 {
             self.generation.set((self.first, 1.0 - self.first));
@@ -98,8 +102,9 @@ impl SearchProgress for Follow<'_> {
         let steps = self.steps.get() + 1;
         self.steps.set(steps);
         let note = format!(
-            "gradient step {steps}: {:.4} mm at area {:.3}",
-            step.value_mm, step.area
+            "gradient step {steps}: {} mm at area {:.1} %",
+            four_digits(step.value_mm),
+            100.0 * step.area
         );
         self.job.progress.note(&note);
         self.job.progress.part(self.part());
