@@ -25,6 +25,8 @@ pub struct Design {
     pub scene: Scene,
     /// The state of the device, if it has several.
     pub state: Option<String>,
+    /// What the reader of its file did that a user should know.
+    pub notes: Vec<String>,
 }
 
 impl Design {
@@ -90,6 +92,7 @@ impl Designs {
             pattern: self.patterns[row].clone(),
             scene: self.scene.clone(),
             state: None,
+            notes: Vec::new(),
         })
     }
 }
@@ -118,7 +121,7 @@ fn scores(view: &VerificationView<'_>) -> Result<Vec<Option<SimulatedScore>>, St
 /// # Errors
 /// If the file cannot be read, or has several patterns.
 pub fn of_file(file: &str, scene: Scene) -> Result<Design, InputError> {
-    let patterns = direct::patterns(&[file.to_owned()], scene.form())?.patterns;
+    let direct::NamedPatterns { patterns, notes, .. } = direct::patterns(&[file.to_owned()], scene.form())?;
     let [pattern] = patterns.as_slice() else {
         let message = format!(
             "{file} contains {} patterns; only one can be exported at a time",
@@ -134,5 +137,6 @@ pub fn of_file(file: &str, scene: Scene) -> Result<Design, InputError> {
         pattern: pattern.clone(),
         scene,
         state: None,
+        notes,
     })
 }

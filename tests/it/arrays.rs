@@ -169,6 +169,27 @@ fn notes_are_printed_by_solve_and_by_pipelines() {
         "--json",
     ]);
     assert_eq!(document.json()["notes"][0], note);
+    let mask = [
+        "export",
+        "design",
+        "v73.mat:/p",
+        "--scene",
+        "scene.yaml",
+        "-o",
+        "mask.csv",
+    ];
+    let exported = workspace.run(&mask);
+    assert_eq!(exported.code, Some(0), "{}", exported.stderr);
+    assert!(exported.stderr.contains(note), "{}", exported.stderr);
+    let exported = workspace.run(&[&mask[..], &["--json"]].concat());
+    assert_eq!(exported.json()["notes"][0], note);
+    for pattern in ["v73.mat:/p", "reference.npy"] {
+        let refused = workspace.refused(&["export", "design", pattern, "-o", "mask.svg"]);
+        assert!(
+            refused.contains(&format!("{pattern} is a pattern and needs a scene")),
+            "{refused}"
+        );
+    }
     workspace.write(
         "own.yaml",
         "version: 1\nname: own\nscene: scene.yaml\nstages:\n  own: { kind: patterns, files: [\"v73.mat:/p\"] }\n",

@@ -10,14 +10,15 @@ use serde_json::{Value, json};
 
 use super::format_of;
 use super::membrane;
-use crate::arguments::{StateArguments, StoreArguments, TOLERANCE, integer, number};
+use crate::arguments::{StateArguments, StoreArguments, TOLERANCE, has_hdf5_extension, integer, number};
 use crate::job::extend;
 use crate::pipeline::read_scene;
 use crate::{CliError, Exit, Output, locate, write};
+use deaflow_base::four_digits;
 use deaflow_design::DesignFilter;
 use deaflow_fem::SolveOptions;
 use deaflow_field::Mesh;
-use deaflow_pattern::Role;
+use deaflow_pattern::{Role, has_patterns};
 use deaflow_report::export::{self, MOST_PIXELS, Surface, mask_drawing};
 use deaflow_scene::{Mask, Size, Voltages};
 use deaflow_stage::designs::{self, Design, Designs};
@@ -39,8 +40,7 @@ const MEMBRANE: &str = "Deformed membranes";
 ))]
 pub struct ExportDesignArguments {
     /// A stage of kind design or verify: PIPELINE.yaml:STAGE, a stage of the last run, a digest or its first digits, or
-    /// a
-    /// file; with --scene a pattern: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
+    /// a file; with --scene a pattern, in any format that `solve` reads
     pub source: String,
     /// The output: a file, which is replaced, or a folder
     #[arg(short, long, value_name = "FILE|DIR")]
@@ -168,6 +168,7 @@ pub fn execute(arguments: &ExportDesignArguments, output: &Output) -> Result<Exi
         arguments,
         format,
     )?;
+    design.notes.iter().for_each(|note| output.warn(note));
     let path = path(arguments, &design, format);
     let scene = arguments.scene.iter().map(|scene| scene.display().to_string());
     let inputs: Vec<String> = scene.chain([arguments.source.clone()]).collect();
@@ -184,6 +185,7 @@ pub fn execute(arguments: &ExportDesignArguments, output: &Output) -> Result<Exi
             "title": design.title,
             "design": labelled(&design),
             "state": design.state,
+            "notes": design.notes,
         });
         extend(&mut document, report.document);
         document
@@ -238,14 +240,14 @@ fn design(arguments: &ExportDesignArguments, output: &Output) -> Result<Design, 
     if let Some(scene) = &arguments.scene {
         return Ok(designs::of_file(source, read_scene(scene, output)?)?);
     }
-    let extension = Path::new(source)
-        .extension()
-        .and_then(|e| e.to_str())
-        .unwrap_or_default();
-    let dataset = [".h5:/", ".hdf5:/"].into_iter().any(|mark| source.contains(mark));
-    let artifact = match extension {
-        "h5" if Path::new(source).is_file() => Artifact::open(Path::new(source))?,
-        extension if dataset || ["npy", "csv", "png"].contains(&extension) => {
+    let path = Path::new(source);
+    let is_hdf5 = has_hdf5_extension(path);
+    let is_dataset = source
+        .split_once(":/")
+        .is_some_and(|(file, _)| has_patterns(Path::new(file)));
+    let artifact = match is_hdf5 {
+        true if path.is_file() => Artifact::open(path)?,
+        _ if is_dataset || (has_patterns(path) && !is_hdf5) => {
             return Err(
                 CliError::bad_input(format!("{source} is a pattern and needs a scene")).help("add --scene SCENE.yaml")
             );
@@ -481,11 +483,11 @@ fn write_membrane(arguments: &ExportDesignArguments, design: &Design, path: &Pat
     );
     export::write_vtkhdf(path, &surface, attributes)?;
     let mut lines = vec![format!(
-        "deformed membrane of {} {} mm, {} elements; largest displacement {:.4} mm",
+        "deformed membrane of {} {} mm, {} elements; largest displacement {} mm",
         export::side_or_sides(membrane.plane.size_mm),
         export::one_or_both(membrane.plane.size_mm),
         membrane.elements,
-        membrane.largest
+        four_digits(membrane.largest)
     )];
     lines.extend(membrane.warnings.iter().map(|warning| format!("warning: {warning}")));
     let document = json!({

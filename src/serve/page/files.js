@@ -11,16 +11,17 @@ const SAMPLES = 8;
 
 /**
  * Reads the pattern of a file. The server reads tables, arrays and images, this page reads drawings, cell by cell.
- * @param {File} file @param {{name: string, columns: number, rows: number, size_mm: [number, number]}} scene @returns {Promise<Pattern>}
+ * @param {File} file @param {{name: string, columns: number, rows: number, size_mm: [number, number]}} scene @returns {Promise<{pattern: Pattern, notes: string[]}>} with what the reader did that a user should know
  */
 export async function fromFile(file, scene) {
   const format = (file.name.split(".").pop() ?? "").toLowerCase();
   if (!READ.includes(format)) throw Object.assign(new Error(`cannot open “${file.name}”: unknown format`), { help: `allowed: ${READ.join(", ")}` });
-  if (format === "svg") return fromDrawing(file, scene);
-  if (format === "dxf") return fromPolygons(await file.text(), scene);
+  if (format === "svg") return { pattern: await fromDrawing(file, scene), notes: [] };
+  if (format === "dxf") return { pattern: fromPolygons(await file.text(), scene), notes: [] };
   const query = new URLSearchParams({ format, scene: scene.name });
   const found = await json(`sketch/import?${query}`, { method: "POST", bytes: file });
-  return Pattern.of(found.patterns[0]);
+  const count = found.patterns.length;
+  return { pattern: Pattern.of(found.patterns[0]), notes: [...found.notes, ...(count > 1 ? [`the file has ${count} patterns; the first one is opened`] : [])] };
 }
 
 /** Reads a drawing of the whole membrane: a cell is an electrode if more than half of it is dark. @param {Blob} file @param {{columns: number, rows: number}} scene */

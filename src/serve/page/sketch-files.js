@@ -15,11 +15,15 @@ export class Files {
 
   panel() {
     const { pad } = this;
-    const opened = h("div", { role: "alert" });
+    const opened = h("div", { role: "alert", id: "opened" });
     const file = h("input", { type: "file", accept: READ.map((format) => `.${format}`).join(","), "aria-label": "Open a pattern", onchange: async () => {
       const chosen = file.files?.[0];
       file.value = "";
-      if (chosen) await pad.attempt(opened, async () => pad.pen.become(await fromFile(chosen, pad.scene)));
+      if (chosen) await pad.attempt(opened, async () => {
+        const { pattern, notes } = await fromFile(chosen, pad.scene);
+        pad.pen.become(pattern);
+        replace(opened, notes.map((note) => h("p", { class: "box" }, `${chosen.name}: ${note}`)));
+      });
     } });
     this.saved = h("div", { "aria-live": "polite" });
     this.name = h("input", { type: "text", value: "mine", pattern: "[A-Za-z0-9_\\-]+", maxlength: "60", "aria-label": "Name of the file", title: "letters, digits, - and _", name: "name" });
