@@ -41,6 +41,9 @@ pub fn range_ends(ends: [f64; 2]) -> [String; 2] {
 /// Formats a number without a known error: four significant digits, and at most four decimals.
 #[must_use]
 pub fn four_digits(value: f64) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
     let scientific = format!("{:.3e}", value.abs());
     let power = scientific.split_once('e').and_then(|(_, power)| power.parse().ok());
     let decimals = (3 - power.unwrap_or(0_i32)).clamp(0, 4) as usize;
@@ -131,7 +134,7 @@ mod tests {
             "6433",
             "−0.0427",
             "0.0000",
-            "0.000",
+            "0",
         ];
         assert_eq!(texts, expected);
         assert_eq!(with_minus("-1.2e-5"), "−1.2e−5");

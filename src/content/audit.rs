@@ -7,7 +7,7 @@ use deaflow_scene::Scene;
 arrays! {
     /// The results of an audit.
     pub struct Audit, AuditView {
-        /// Area fraction of the electrodes.
+        /// Electrode area, a share of the free membrane.
         area: AreaHistogram = group("area"),
         /// Largest displacement.
         displacement: DisplacementHistogram = group("displacement"),
@@ -45,10 +45,10 @@ arrays! {
 }
 
 arrays! {
-    /// A histogram of the area fraction.
+    /// A histogram of the electrode area, a share of the free membrane.
     #[derive(Default)]
     pub struct AreaHistogram, AreaHistogramView {
-        /// Edges of the bins of the area fraction.
+        /// Edges of the bins of the area, shares of the free membrane.
         edges: Vec<f64> = array("edges", "1", [area_edge]),
         /// Rows in each bin.
         counts: Vec<u64> = array("counts", "1", [area_bin]),

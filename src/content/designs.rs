@@ -25,7 +25,7 @@ arrays! {
         /// Origin of the pattern: `ga` (genetic algorithm), `refined` (along the gradient), `optimum` (gradients only),
         /// `intuitive`, `intuitive-equal-area` or `own`.
         role: Vec<Role> = array("role", "", [row]),
-        /// Target area fraction, or `free`.
+        /// Target area, a share of the free membrane, or `free`.
         area_target: Vec<String> = array("area_target", "", [row]),
         /// The evaluator that predicted the field.
         evaluator: Vec<String> = array("evaluator", "", [row]),
@@ -35,7 +35,7 @@ arrays! {
         units: Vec<u64> = array("units", "1", [row]),
         /// Electrode patterns, origin lower left, 1 = electrode.
         patterns: Vec<Pattern> = array("patterns", "1", [row, y, x]),
-        /// Area fraction of the electrode.
+        /// Electrode area, a share of the free membrane.
         area: Vec<f64> = array("area", "1", [row]),
         /// Predicted displacement at the cell corners; a row for each pattern that is not `own`.
         predicted: Vec<Field> = array("predicted", "mm", [predicted_row, corner_y, corner_x, xy]),
@@ -192,7 +192,7 @@ arrays! {
         mean: Vec<f64> = array("mean", "1", [generation]),
         /// Predicted displacement of the best along the target direction.
         value: Vec<f64> = array("value", "mm", [generation]),
-        /// Area fraction of the best.
+        /// Electrode area of the best, a share of the free membrane.
         area: Vec<f64> = array("area", "1", [generation]),
         /// Best genome of each generation.
         genomes: Packed<PerUnit<GENOME_UNITS>> = array("genomes", "1", [generation, unit_y, unit_x]),
@@ -213,7 +213,7 @@ arrays! {
         step: Vec<u64> = array("step", "1", [step]),
         /// Displacement along the target directions by finite elements.
         value: Vec<f64> = array("value", "mm", [step]),
-        /// Area fraction.
+        /// Electrode area, a share of the free membrane.
         area: Vec<f64> = array("area", "1", [step]),
         /// Number of patterns evaluated up to this step; repeated patterns count each time.
         simulations: Vec<u64> = array("simulations", "1", [step]),

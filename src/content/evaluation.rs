@@ -16,7 +16,7 @@ arrays! {
         trained: Vec<u64> = array("trained", "1", [predictors, families]),
         /// Scores by family.
         score: Scores = group("score", [(group, families)]),
-        /// Middle of each bin of the area fraction, 5 % wide.
+        /// Middle of each bin of the area, 5 % of the free membrane wide.
         area_centre: Vec<f64> = array("area/centre", "1", [area_bin]),
         /// Scores by area fraction.
         area: Scores = group("area", [(group, area_bin)]),
@@ -56,7 +56,7 @@ arrays! {
     pub struct PatternScores, PatternScoresView {
         /// Family of each pattern.
         family: Vec<String> = array("family", "", [row]),
-        /// Area fraction of each pattern.
+        /// Electrode area of each pattern, a share of the free membrane.
         area: Vec<f64> = array("area", "1", [row]),
         /// Largest simulated displacement of each pattern.
         simulated_max: Vec<f64> = array("simulated_max", "mm", [row]),

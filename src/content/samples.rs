@@ -15,7 +15,7 @@ arrays! {
     pub struct Samples, SamplesView {
         /// The patterns and their origin.
         rows: SampleRows = group(""),
-        /// Area fraction of the electrode.
+        /// Electrode area, a share of the free membrane.
         area: Vec<f64> = array("area", "1", [sample]),
     }
 }

@@ -29,7 +29,7 @@ parameters! {
         pub evaluator_accuracy: Length [1e-9..=1e3] = "0.003 mm",
         /// Weight of the area error in the fitness.
         pub area_penalty: Decimal [0.0..=1e6] = AREA_PENALTY,
-        /// Tolerance of the area fraction in the gradient search.
+        /// Tolerance of the area in the gradient search.
         pub area_tolerance: Decimal [0.0..=1.0] = 0.005,
         /// Units along a side in the gradient search: 20 or 50.
         pub units: usize [UNITS as u64..=CELLS as u64] = CELLS,

@@ -35,7 +35,7 @@ parameters! {
         name: Name,
         /// The objective of the design.
         objective: Objective,
-        /// Target area fraction of the electrodes, such as 0.5 or `50 %`, or `free`.
+        /// Target area of the electrodes, a share of the free membrane, such as 0.5 or `50 %`; or `free`.
         area: Option<Area>,
     }
 }
@@ -47,7 +47,7 @@ parameters! {
         objective: Option<Objective>,
         /// Several targets with unique names, in place of `objective`.
         targets: Option<Vec<NamedTarget>> [((), 1..=10_000)],
-        /// Target area fraction of the electrodes, such as 0.5 or `50 %`, or `free`.
+        /// Target area of the electrodes, a share of the free membrane, such as 0.5 or `50 %`; or `free`.
         area: Area = 0.5,
     }
     rules(objective_or_targets)

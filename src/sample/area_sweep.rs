@@ -26,11 +26,11 @@ const MOST_DRAWS: u32 = 100;
 const GRIDS: std::ops::RangeInclusive<usize> = 2..=10;
 
 parameters! {
-    /// Cells, grids of units and curves at drawn area fractions.
+    /// Cells, grids of units and curves at drawn areas.
     pub struct AreaSweepParameters as "an area-sweep sample" {
         /// Patterns to draw.
         pub count: u64 [1..=MOST_SAMPLES],
-        /// Area fractions to draw from, smallest and largest.
+        /// Electrode areas to draw from, smallest and largest, shares of the free membrane.
         pub area: [Decimal; 2] [0.0..=1.0] = [0.05, 0.95],
     }
 }

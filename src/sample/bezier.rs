@@ -44,7 +44,7 @@ parameters! {
     pub struct BezierParameters as "a bezier sample" {
         /// Patterns to draw.
         pub count: u64 [1..=MOST_SAMPLES],
-        /// Area fraction of the electrode; without it the curve determines the area.
+        /// Electrode area, a share of the free membrane; without it the curve determines the area.
         pub area: Option<Decimal> [0.0..=1.0],
         /// Where on the frame a curve may end.
         pub ends: Ends = Ends::Opposite,

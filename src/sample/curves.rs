@@ -31,7 +31,7 @@ parameters! {
     pub struct CurvesParameters as "a curves sample" {
         /// Patterns to draw.
         pub count: u64 [1..=MOST_SAMPLES],
-        /// Area fraction of the electrode, or smallest and largest; without it the curves determine the area.
+        /// Electrode area, a share of the free membrane, or smallest and largest; without it the curves determine it.
         pub area: Option<AreaFractions>,
     }
 }

@@ -93,7 +93,7 @@ macro_rules! family {
         $crate::family::family!(
             @declare [$($about)+] $family, $parameters, $what, $name, areas: $crate::Areas,
             {
-                /// Area fraction of the electrode, or smallest and largest to draw from.
+                /// Electrode area, a share of the free membrane, or smallest and largest to draw from.
                 pub area: $crate::AreaFractions = $area,
             },
             |parameters, canvas| parameters.area.areas(canvas),

@@ -15,7 +15,7 @@ parameters! {
     pub struct SmallGridParameters as "a small-grid sample" {
         /// Patterns to draw.
         pub count: u64 [1..=MOST_SAMPLES],
-        /// Area fraction of the electrode.
+        /// Electrode area, a share of the free membrane.
         pub area: Decimal [0.0..=1.0] = 0.5,
     }
 }

@@ -453,7 +453,7 @@ fn how_far_patterns_move_is_a_table_of_few_and_numbers_of_many() {
             .split_whitespace()
             .collect::<Vec<_>>()
     };
-    assert_eq!(row(1), ["1", "bare.csv", "converged", "0.0000", "mm", "-"]);
+    assert_eq!(row(1), ["1", "bare.csv", "converged", "0", "mm", "-"]);
     assert!(row(0)[2] != "converged" && row(0)[3..] == ["-", "-"], "{:?}", row(0));
 
     let moved = [

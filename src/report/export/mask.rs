@@ -1,6 +1,7 @@
 //! The drawing of an electrode mask, with notes on its size, scale and area.
 
 use super::{Drawing, Layer, Shape, number};
+use crate::format;
 use deaflow_base::software;
 use deaflow_scene::{Islands, Mask, Size};
 
@@ -54,9 +55,9 @@ fn mask_notes(mask: &Mask) -> Vec<String> {
             one_or_both(mask.scale)
         ),
         format!(
-            "area of the electrode {} mm^2, {} of the area of the {}; islands {}, holes {}",
-            number(mask.electrode_area),
-            number(mask.area_fraction),
+            "area of the electrode {} mm^2, {} of the {}; islands {}, holes {}",
+            format::number(mask.electrode_area),
+            format::percents(mask.area_fraction),
             match mask.opening.is_empty() && mask.bodies.is_empty() {
                 true => "membrane",
                 false => "membrane that is neither frame nor body",
@@ -68,7 +69,7 @@ fn mask_notes(mask: &Mask) -> Vec<String> {
     if mask.rounded {
         notes.push(format!(
             "outline rounded: its area is {} mm^2, {:+.4} mm^2 compared with the cells",
-            number(mask.outline_area),
+            format::number(mask.outline_area),
             mask.outline_area - mask.electrode_area
         ));
     }

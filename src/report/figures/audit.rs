@@ -58,7 +58,8 @@ impl AuditFigure {
         };
         let (errors, allowed) = (moving(&self.errors), moving(&self.allowed));
         let mut charts = vec![
-            self.area.chart("Electrode area", "Area fraction of the electrode"),
+            self.area
+                .chart("Electrode area", "Electrode area, share of the free membrane"),
             self.displacement.chart("Deformation", "Largest displacement [mm]"),
         ];
         if !errors.is_empty() {

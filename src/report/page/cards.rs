@@ -75,7 +75,7 @@ fn has_units(design: &Design) -> bool {
 /// Draws the electrode at rest, with the points and directions of the objective.
 fn pattern(design: &Design) -> Markup {
     let description = format!(
-        "Electrode pattern of {}: area fraction {:.1} %",
+        "Electrode pattern of {}: area {:.1} %",
         design.name,
         100.0 * design.area
     );

@@ -5,7 +5,7 @@ use maud::html;
 use super::cards::{FOLDER, cards, shared};
 use crate::designs::{Design, Role, role_title};
 use crate::drawing::{Axis, Chart, Colour, DeformedMembrane, Mark, Series, exaggeration};
-use crate::format::{change, mm, mm_measured, percents};
+use crate::format::{change, mm, mm_measured, percents, three};
 use crate::html::{Column, Page};
 use crate::intervals::verdict;
 
@@ -37,7 +37,7 @@ pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
     let has_optimum = designs.iter().any(|design| design.role == Role::Optimum);
     let optimum = match has_optimum {
         true => {
-            " The optimum is the best pattern that gradient searches from several starts found under its constraints, \
+            " Gradient search is the best pattern that such searches from several starts found under its constraints, \
              such as the area; there may be a better one, and other constraints may allow more."
         }
         false => "",
@@ -132,11 +132,12 @@ fn without_empty(columns: &[(&'static str, Column)], rows: &mut [Vec<String>]) -
 }
 
 /// Columns of the table; empty ones are left out.
-const COLUMNS: [(&str, Column); 13] = [
+const COLUMNS: [(&str, Column); 14] = [
     ("target", Column::Key),
     ("design", Column::Key),
     ("units", Column::Number),
     ("area", Column::Number),
+    ("area, mm²", Column::Number),
     ("predicted, mm", Column::Number),
     ("error", Column::Number),
     ("simulated, mm", Column::Number),
@@ -172,6 +173,7 @@ fn row(design: &Design) -> Vec<String> {
         format!("{}{number}", role_title(design.role)),
         design.units.to_string(),
         percents(design.area),
+        three(design.area_mm2()),
         text(design.predicted_mm.map(mm)),
         text(design.prediction_error().map(change)),
         simulated,

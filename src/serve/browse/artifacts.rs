@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use serde_json::{Value, json};
 
+use crate::artifact_data::scene_of;
 use crate::http::{ApiError, Request, Response};
 use crate::state::ServerState;
 use deaflow_base::ArtifactId;
@@ -99,7 +100,8 @@ fn made_by(store: &Store, artifact: &ArtifactId) -> Result<Option<String>, ApiEr
     Ok(None)
 }
 
-/// Returns kind, attributes, datasets, provenance, ancestry and stage of an artifact.
+/// Returns kind, attributes, datasets, provenance, ancestry and stage of an artifact, and the area of the membrane that
+/// is neither frame nor body if it has a scene.
 ///
 /// # Errors
 /// If it does not exist, or is damaged.
@@ -132,6 +134,7 @@ pub fn artifact(state: &ServerState, request: &Request, digest: &str) -> Result<
         "stage": made_by(&store, &artifact.digest())?,
         "attributes": artifact.attributes(),
         "parts": artifact.parts().iter().map(ArtifactId::to_string).collect::<Vec<_>>(),
+        "free_area_mm2": scene_of(&artifact).ok().map(|scene| scene.free_area_mm2()),
         "datasets": datasets,
         "provenance": artifact.provenance()?,
         "ancestry": ancestry,

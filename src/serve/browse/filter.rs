@@ -105,7 +105,7 @@ fn parse_number(name: &str, comparison: Comparison, value: &str) -> Result<f64, 
         let fraction = || Some(value.strip_suffix('%')?.trim_end().parse::<f64>().ok()? / 100.0);
         (
             value.parse().ok().or_else(fraction),
-            "give an area fraction: 0.4 or 40 %",
+            "give an area, a share of the free membrane: 0.4 or 40 %",
         )
     } else {
         (value.parse().ok(), "give a number without a unit")

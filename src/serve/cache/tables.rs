@@ -67,7 +67,7 @@ fn area(artifact: &Artifact, rows: &Rows) -> Result<Option<RowColumn>, ApiError>
     };
     Ok(Some(RowColumn {
         name: "area".to_owned(),
-        description: "Area fraction of the electrode.".to_owned(),
+        description: "Electrode area, a share of the free membrane.".to_owned(),
         values: Data::F64(cells.chunks(raster.cells()).map(fraction).collect()),
     }))
 }

@@ -1,8 +1,8 @@
 // Designs: each target with its patterns compared with the best of the gradient search, and masks to download.
 
 import { columnsOf } from "./server.js";
-import { attempt, h, number, replace } from "./elements.js";
-import { card, patternsAt, rowLink } from "./pictures.js";
+import { attempt, h, measured, number, replace } from "./elements.js";
+import { areaWords, card, patternsAt, rowLink } from "./pictures.js";
 import { saveAs } from "./files.js";
 
 const FORMATS = ["svg", "dxf", "gbr", "png", "csv"];
@@ -10,13 +10,16 @@ const FORMATS = ["svg", "dxf", "gbr", "png", "csv"];
 /** The role that others are compared with: the best of the gradient search. */
 const REFERENCE = "optimum";
 
+/** Roles for people. @type {Record<string, string>} */
+const ROLES = { ga: "genetic algorithm", optimum: "gradient search", intuitive: "intuitive, own area", "intuitive-equal-area": "intuitive, equal area", own: "own pattern" };
+
 /** Below a micrometre, the ratio of displacements means nothing. */
 const LEAST_MM = 1e-3;
 
 /** @param {HTMLElement} place @param {any} found */
 export async function designs(place, found) {
   const rows = await columnsOf(found.digest, "row");
-  const values = await valuesOf(found, rows);
+  const { values, errors } = await valuesOf(found, rows);
   const count = rows.name.length;
   const patterns = await patternsAt(found, Array.from({ length: count }, (_, at) => at));
   const errorBox = h("div", {});
@@ -36,11 +39,11 @@ export async function designs(place, found) {
         card(
           patterns[at] ?? null,
           rowLink(found.digest, at),
-          h("div", {}, h("b", {}, rows.role[at]), rows.member?.[at] ? ` ${rows.member[at] + 1}` : ""),
-          h("div", {}, values[at] === null ? outcome ?? "no value" : `${number(values[at], 5)} mm`, shareOf(rows, values, at)),
-          h("div", { class: "soft" }, [`area ${number(100 * rows.area[at], 3)} %`, rows.case[at]].filter(Boolean).join(", ")),
+          h("div", {}, h("b", {}, ROLES[rows.role[at]] ?? rows.role[at]), rows.member?.[at] ? ` ${rows.member[at] + 1}` : ""),
+          h("div", {}, values[at] === null ? outcome ?? "no value" : `${errors[at] === null ? number(values[at]) : measured(values[at], errors[at])} mm`, shareOf(rows, values, at)),
+          h("div", { class: "soft" }, [areaWords(found, rows.area[at]), rows.case[at]].filter(Boolean).join(", ")),
         ),
-        h("div", { class: "tools tight", role: "group", "aria-label": `Mask of ${rows.role[at]}` }, FORMATS.map((format) => h("button", { type: "button", class: "slim", "data-mask": format, onclick: () => void keep(format, at) }, format))),
+        h("div", { class: "tools tight", role: "group", "aria-label": `Mask of ${ROLES[rows.role[at]] ?? rows.role[at]}` }, FORMATS.map((format) => h("button", { type: "button", class: "slim", "data-mask": format, onclick: () => void keep(format, at) }, format))),
       );
     };
     return h("section", {}, h("h2", {}, name || "the target"), rows.objective ? h("p", { class: "soft small" }, rows.objective[own[0]]) : null, h("div", { class: "cards large" }, order.map(one)));
@@ -63,14 +66,20 @@ function shareOf(rows, values, at) {
   const best = (onUnits.length ? onUnits : references).sort((a, b) => mm(b) - mm(a))[0];
   if (best === undefined || mm(best) <= LEAST_MM) return null;
   const same = rows.constraints[at] === rows.constraints[best] && [at, best].every((row) => rows.status[row] === "met");
-  return `, ${number(100 * value / mm(best), 4)} % of the best pattern found by gradient search under ${same ? "the same" : "other"} constraints`;
+  return `, ${number(100 * value / mm(best), 3)} % of the best pattern found by gradient search under ${same ? "the same" : "other"} constraints`;
 }
 
-/** The value of each row in mm; null without a field. @param {any} found @param {Record<string, any[]>} rows @returns {Promise<(number|null)[]>} */
+/**
+ * The value of each row in mm, null without a field, and its error, null if it is not known.
+ * @param {any} found @param {Record<string, any[]>} rows @returns {Promise<{values: (number|null)[], errors: (number|null)[]}>}
+ */
 async function valuesOf(found, rows) {
-  if (found.kind !== "verify") return rows.value_mm;
+  if (found.kind !== "verify") return { values: rows.value_mm, errors: rows.value_mm.map(() => null) };
   // There are simulated values only for the patterns with a field, in their order.
-  const { "component/simulated_mm": simulated = [] } = await columnsOf(found.digest, "simulated_row");
+  const simulated = await columnsOf(found.digest, "simulated_row");
   let next = 0;
-  return rows.outcome.map((outcome) => (["converged", "estimated"].includes(outcome) ? simulated[next++] ?? null : null));
+  const places = rows.outcome.map((outcome) => (["converged", "estimated"].includes(outcome) ? next++ : -1));
+  const at = (/** @type {string} */ name) => places.map((place) => simulated[name]?.[place] ?? null);
+  const known = at("component/error_known");
+  return { values: at("component/simulated_mm"), errors: at("component/error_mm").map((error, row) => (known[row] ? error : null)) };
 }

@@ -2,7 +2,7 @@
 
 import { columnsOf, json } from "./server.js";
 import { attempt, choice, h, labelled, number, replace, short, table } from "./elements.js";
-import { card, patternsAt, rowLink } from "./pictures.js";
+import { areaWords, card, patternsAt, rowLink } from "./pictures.js";
 
 /** @typedef {import("./pattern.js").Pattern} Pattern */
 
@@ -96,7 +96,7 @@ async function ownWorst(place, digest, split) {
       family.learned ? `the training set has ${family.learned} rows of ${row.family}, of ${found.learned}` : "",
       row.moves_more_than < 1 - RARE ? moves : "",
     ];
-    cards.push(() => worstCard(pattern, rowLink(row.set, row.row, digest), values, why, near, facts, usual.get(row.family)));
+    cards.push(() => worstCard(sets.get(row.set), pattern, rowLink(row.set, row.row, digest), values, why, near, facts, usual.get(row.family)));
   }
   const all = families.get("all");
   const beyond = found.total - found.judged;
@@ -132,13 +132,13 @@ function nearness(near, family, usual) {
   return [words, against, ": this is not the reason"];
 }
 
-/** A card of a pattern with a large error. @param {Pattern|null} pattern @param {string|null} link @param {{error: number, family: string, area: number, simulated: number, predicted: number}} values @param {string[]} why @param {{distance: number, cells: number}|null} near @param {string[]} [facts] that are no reasons @param {number} [usual] */
-function worstCard(pattern, link, values, why, near, facts = [], usual) {
+/** A card of a pattern of a dataset with a large error. @param {any} set @param {Pattern|null} pattern @param {string|null} link @param {{error: number, family: string, area: number, simulated: number, predicted: number}} values @param {string[]} why @param {{distance: number, cells: number}|null} near @param {string[]} [facts] that are no reasons @param {number} [usual] */
+function worstCard(set, pattern, link, values, why, near, facts = [], usual) {
   return card(
     pattern,
     link,
     h("div", {}, h("b", {}, `error of a component ${number(values.error, 3)} mm`), values.simulated > 0 ? `, ${number((100 * values.error) / values.simulated, 3)} % of its largest displacement` : null),
-    h("div", {}, `${values.family}, area ${number(100 * values.area, 3)} %`),
+    h("div", {}, `${values.family}, ${areaWords(set, values.area)}`),
     h("div", {}, `largest: ${number(values.simulated, 4)} mm, predicted ${number(values.predicted, 4)} mm`),
     why.filter(Boolean).map((words) => h("div", { class: "warning" }, words)),
     near ? h("div", {}, ...nearness(near, values.family, usual)) : null,
@@ -194,7 +194,7 @@ async function worst(box, found, predictor, families, scores) {
     ];
     const values = { error: row[worstAt], family, area: of("pattern/area"), simulated: of("pattern/simulated_max_mm"), predicted: row[predictedAt] };
     // Cards are drawn at their place, which determines their width.
-    cards.push(() => worstCard(pattern, set ? rowLink(set.digest, of("set_row"), predictor.digest) : null, values, why, near));
+    cards.push(() => worstCard(set, pattern, set ? rowLink(set.digest, of("set_row"), predictor.digest) : null, values, why, near));
   }
   replace(box, h("div", { class: "cards large", "data-worst": predictor.name }, cards.map((made) => made())), known ? null : h("p", { class: "soft" }, "The patterns are not shown: the datasets of the evaluation are not in the store."));
 }

@@ -1,7 +1,7 @@
 // Pictures of rows of artifacts: patterns, and fields if there are any.
 
 import { frame } from "./server.js";
-import { h } from "./elements.js";
+import { h, number } from "./elements.js";
 import { drawMembrane, drawPattern, magnitudes } from "./membrane.js";
 import { Pattern } from "./pattern.js";
 
@@ -36,6 +36,12 @@ export function size(found, pattern) {
   if (side) return [Number(side[1]), Number(side[1])];
   const both = /size: \[([\d.]+) mm, ([\d.]+) mm\]/.exec(text);
   return both ? [Number(both[1]), Number(both[2])] : [pattern.columns, pattern.rows];
+}
+
+/** An area: its share of the free membrane, and mm² if the artifact has a scene. @param {any} found @param {number} share */
+export function areaWords(found, share) {
+  const free = found?.free_area_mm2 ?? null;
+  return `area ${number(100 * share, 3)} %${free === null ? "" : `, ${number(share * free)} mm²`}`;
 }
 
 /** @param {HTMLCanvasElement} canvas @param {any} found @param {Pattern} pattern @param {Float32Array} displacement */

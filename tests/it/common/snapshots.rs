@@ -85,7 +85,7 @@ pub fn check(here: &str, suffix: &str, printed: &dyn Display) {
 
 /// Replaces numbers by `#`, for results of trained networks and others that differ between kinds of processors.
 pub fn without_numbers(text: &str) -> String {
-    static NUMBERS: LazyLock<Regex> = LazyLock::new(|| Regex::new(r"[+-]?[0-9]+(\.[0-9]+)?(e-?[0-9]+)?").unwrap());
+    static NUMBERS: LazyLock<Regex> = LazyLock::new(|| Regex::new(r"[+−-]?[0-9]+(\.[0-9]+)?(e[−-]?[0-9]+)?").unwrap());
     NUMBERS.replace_all(&masked(text), "#").into_owned()
 }
 

@@ -115,6 +115,11 @@ fn models_designs_and_accuracy_have_views_of_their_own() {
             .contains("% of the best pattern found by gradient search under the same constraints"),
         "{text}"
     );
+    // Areas have mm² beside the share, and numbers their errors.
+    let cards = "[...document.querySelectorAll('.card')]";
+    let with_both = format!("{cards}.length > 1 && {cards}.every((card) => / %, \\d+ mm²/.test(card.textContent))");
+    assert_eq!(tab.value(&with_both), true);
+    assert!(text.as_str().unwrap().contains(" ± "), "{text}");
     photographed(&mut tab, "designs");
     tab.value(
         "window.saved = []; HTMLAnchorElement.prototype.click = function () { window.saved.push(this.download) }",
