@@ -37,11 +37,15 @@ impl Array {
 
     /// Returns what the reader did that a user should know.
     #[must_use]
-    pub fn note(&self) -> Option<&'static str> {
-        match &self.source {
-            Source::Hdf5(found) if found.is_reversed => Some(REVERSED),
-            Source::Hdf5(_) | Source::Numpy(_) => None,
-        }
+    pub fn notes(&self) -> Vec<String> {
+        let Source::Hdf5(found) = &self.source else {
+            return Vec::new();
+        };
+        let reversed = found.is_reversed.then(|| REVERSED.to_owned());
+        let unpacked = found
+            .packing
+            .map(|[factor, offset]| format!("values unpacked: times {factor}, plus {offset}"));
+        reversed.into_iter().chain(unpacked).collect()
     }
 
     /// Checks that the elements are numbers, and for NumPy that the file has as many as the shape says and that their

@@ -62,5 +62,5 @@ pub use progress::{Progress, Stopped};
 pub use quantity::{Decimal, Dimension, Quantity, QuantityError};
 pub use schema::{Fields, Schema};
 pub use stream::Stream;
-pub use table::{Row, Table, TableError, with_point};
+pub use table::{Row, Table, TableError};
 pub use temporary::TemporaryOutput;

@@ -4,13 +4,13 @@
 //! line ends and encodings. The first lines of a file show which it uses; every reader of tables takes them all.
 
 use std::borrow::Cow;
+use std::cell::Cell;
 use std::io::{BufRead, BufReader, Cursor, Error, ErrorKind, Read, Result as IoResult};
 use std::ops::Range;
 use std::path::Path;
 
 use crate::file::open_regular;
 use crate::listed::listed;
-use crate::quantity::{Decimal, QuantityError};
 
 /// Bytes at the start of a file that show its dialect.
 const HEAD: u64 = 1 << 16;
@@ -37,7 +37,44 @@ pub struct Table {
     columns: Option<usize>,
     /// Whether the current line is to be returned again.
     is_pending: bool,
+    /// How the numbers that were read so far are written.
+    notation: Cell<Notation>,
 }
+
+/// How numbers are written: `1,234` is 1.234 with a decimal comma, and 1234 with a decimal point.
+#[derive(Clone, Copy, Debug, Default)]
+struct Notation {
+    has_points: bool,
+    has_commas: bool,
+    /// Whether a comma can only be decimal, as in `0,5`.
+    is_comma_decimal: bool,
+}
+
+impl Notation {
+    fn add(&mut self, number: &str) {
+        self.has_points |= number.contains('.');
+        if let Some((whole, fraction)) = number.split_once(',') {
+            let digits = whole.trim_start_matches(['+', '-']);
+            let may_separate = (1..=3).contains(&digits.len()) && !digits.starts_with('0') && fraction.len() == 3;
+            self.has_commas = true;
+            self.is_comma_decimal |= !may_separate;
+        }
+    }
+
+    /// Says why the commas may separate thousands.
+    fn doubt(self, is_at_end: bool) -> Option<&'static str> {
+        match (self.has_commas, self.has_points) {
+            (true, true) => Some("the numbers have points and commas, so one of them separates thousands"),
+            (true, false) if is_at_end && !self.is_comma_decimal => {
+                Some("each comma is followed by three digits, so it may separate thousands")
+            }
+            _ => None,
+        }
+    }
+}
+
+/// What to do about commas in doubt.
+const ONE_SIGN: &str = "write numbers without separators of thousands";
 
 /// What stands between the fields of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,6 +99,12 @@ pub enum TableError {
         /// What is wrong.
         why: String,
     },
+    /// Its commas may separate thousands.
+    #[error("{0}; {ONE_SIGN}")]
+    Notation(&'static str),
+    /// A column has the name of another.
+    #[error("the file has two columns {0}")]
+    Twice(String),
     /// A column is missing.
     #[error("the column {missing} is missing; the columns are {}", listed(.found))]
     Columns {
@@ -78,6 +121,7 @@ pub struct Row<'a> {
     pub line: u64,
     text: &'a str,
     fields: &'a [Range<usize>],
+    notation: &'a Cell<Notation>,
 }
 
 impl<'a> Row<'a> {
@@ -113,29 +157,40 @@ impl<'a> Row<'a> {
         }
     }
 
-    /// Returns a field as a double.
+    /// Returns a field with a decimal point for a decimal comma.
+    ///
+    /// # Errors
+    /// When the table also has numbers with a point: then its commas may separate thousands.
+    pub fn with_point(&self, at: usize) -> Result<Cow<'a, str>, TableError> {
+        let text = self.field(at);
+        let mut notation = self.notation.get();
+        if text.starts_with(|c: char| c.is_ascii_digit() || "+-.,".contains(c)) {
+            notation.add(text);
+            self.notation.set(notation);
+        }
+        match notation.doubt(false) {
+            Some(doubt) => Err(self.error(format!("{doubt}: {:?}; {ONE_SIGN}", clipped(text)))),
+            None => Ok(with_point(text)),
+        }
+    }
+
+    /// Returns a field as a double. `TRUE` and `FALSE`, as spreadsheets write them, are 1 and 0.
     ///
     /// # Errors
     /// When it is not a number.
     pub fn number(&self, at: usize) -> Result<f64, TableError> {
-        let text = self.field(at);
-        with_point(text)
-            .parse()
-            .map_err(|_| self.error(format!("value {}: {:?} is not a number", at + 1, clipped(text))))
-    }
-
-    /// Returns a field as a decimal number.
-    ///
-    /// # Errors
-    /// As [`Decimal`]'s reader.
-    pub fn decimal(&self, at: usize) -> Result<Decimal, QuantityError> {
-        with_point(self.field(at)).parse()
+        let text = self.with_point(at)?;
+        match text.parse() {
+            Ok(number) => Ok(number),
+            Err(_) if text.eq_ignore_ascii_case("true") => Ok(1.0),
+            Err(_) if text.eq_ignore_ascii_case("false") => Ok(0.0),
+            Err(_) => Err(self.error(format!("value {}: {:?} is not a number", at + 1, clipped(&text)))),
+        }
     }
 }
 
 /// Replaces a decimal comma by a point. A text with a comma and a point is not a number in either notation.
-#[must_use]
-pub fn with_point(text: &str) -> Cow<'_, str> {
+fn with_point(text: &str) -> Cow<'_, str> {
     match text.contains(',') && !text.contains('.') {
         true => Cow::Owned(text.replacen(',', ".", 1)),
         false => Cow::Borrowed(text),
@@ -185,7 +240,14 @@ impl Table {
         } else {
             b'\r'
         };
-        let separator = Separator::of(&String::from_utf8_lossy(&head), end);
+        let separator = match of_excel(&head) {
+            Some((separator, length)) => {
+                // The line stays, so that lines have their numbers.
+                head[..length].fill(b' ');
+                separator
+            }
+            None => Separator::of(&String::from_utf8_lossy(&head), end),
+        };
         Ok(Self {
             input: Box::new(BufReader::new(Cursor::new(head).chain(input))),
             end,
@@ -196,6 +258,7 @@ impl Table {
             comment: String::new(),
             columns: None,
             is_pending: false,
+            notation: Cell::default(),
         })
     }
 
@@ -225,11 +288,14 @@ impl Table {
         };
         let mut places = [0; N];
         for (place, name) in places.iter_mut().zip(names) {
-            let at = found.iter().position(|field| field.eq_ignore_ascii_case(name));
-            *place = at.ok_or_else(|| TableError::Columns {
+            let mut places = (0..found.len()).filter(|at| found[*at].eq_ignore_ascii_case(name));
+            *place = places.next().ok_or_else(|| TableError::Columns {
                 missing: name.to_owned(),
                 found: found.clone(),
             })?;
+            if places.next().is_some() {
+                return Err(TableError::Twice(name.to_owned()));
+            }
         }
         self.is_pending = is_data;
         self.columns = Some(found.len());
@@ -242,12 +308,16 @@ impl Table {
     /// When the file cannot be read, or a line is longer than 1 MiB or has more fields than the header.
     pub fn next_row(&mut self) -> Result<Option<Row<'_>>, TableError> {
         if !std::mem::take(&mut self.is_pending) && !self.advance()? {
-            return Ok(None);
+            return match self.notation.get().doubt(true) {
+                Some(doubt) => Err(TableError::Notation(doubt)),
+                None => Ok(None),
+            };
         }
         let row = Row {
             line: self.line,
             text: &self.text,
             fields: &self.fields,
+            notation: &self.notation,
         };
         match self.columns {
             Some(columns) if row.len() > columns => {
@@ -295,6 +365,16 @@ impl Table {
 fn comment_of(line: &str) -> Option<&str> {
     line.starts_with(['#', '%'])
         .then(|| line.trim_start_matches(['#', '%']).trim())
+}
+
+/// Returns the separator that Excel names in the first line, `sep=;`, and the length of that text.
+fn of_excel(head: &[u8]) -> Option<(Separator, usize)> {
+    let (name, rest) = head.split_at_checked(4)?;
+    let [separator, b'\r' | b'\n', ..] = *rest else {
+        return None;
+    };
+    name.eq_ignore_ascii_case(b"sep=")
+        .then_some((Separator::One(separator), 5))
 }
 
 fn of_utf16(head: &[u8], rest: impl Read) -> IoResult<String> {
@@ -456,6 +536,66 @@ mod tests {
     }
 
     #[test]
+    fn commas_that_may_separate_thousands_are_refused() {
+        let read = |text: &str| -> Result<Vec<f64>, String> {
+            let mut table = Table::of_bytes(text.into()).unwrap();
+            let mut numbers = Vec::new();
+            loop {
+                match table.next_row() {
+                    Ok(Some(row)) => {
+                        for at in 0..row.len() {
+                            numbers.push(row.number(at).map_err(|error| error.to_string())?);
+                        }
+                    }
+                    Ok(None) => return Ok(numbers),
+                    Err(error) => return Err(error.to_string()),
+                }
+            }
+        };
+        for text in [
+            "0.2;1,001\n1.0;5,005\n",
+            "0.5,\"2,500\"\n",
+            "0,5;2.500\n1,0;5.005\n",
+            "0;0\n1;1,001\n",
+            "0;-12,345\n",
+        ] {
+            let refused = read(text).unwrap_err();
+            assert!(
+                refused.contains("without separators of thousands"),
+                "{text:?}: {refused}"
+            );
+        }
+        assert_eq!(
+            read("0.5;1\n0;1,001\n").unwrap_err(),
+            "line 2: the numbers have points and commas, so one of them separates thousands: \"1,001\"; write numbers \
+             without separators of thousands"
+        );
+        for (text, numbers) in [
+            ("0,5;1,001\n", [0.5, 1.001]),
+            ("0,001;2\n", [0.001, 2.0]),
+            ("1234,567;1,5\n", [1234.567, 1.5]),
+            ("1;1,0010\n", [1.0, 1.001]),
+            ("1.500;2.250\n", [1.5, 2.25]),
+        ] {
+            assert_eq!(read(text).unwrap(), numbers, "{text:?}");
+        }
+    }
+
+    #[test]
+    fn spreadsheets_may_name_the_separator_and_write_truth_values() {
+        for text in ["sep=;\r\n1;0,5\r\nTRUE;false\r\n", "SEP=,\n1,0.5\ntrue,FALSE\n"] {
+            assert_eq!(numbers(text), [[1.0, 0.5], [1.0, 0.0]], "{text:?}");
+        }
+        let mut table = Table::of_bytes("sep=;\na;b\n1;x\n".into()).unwrap();
+        table.next_row().unwrap();
+        let row = table.next_row().unwrap().unwrap();
+        assert_eq!(
+            row.number(1).unwrap_err().to_string(),
+            "line 3: value 2: \"x\" is not a number"
+        );
+    }
+
+    #[test]
     fn columns_are_found_by_name() {
         for text in [
             "t_s,voltage_V\n1,2\n",
@@ -484,6 +624,10 @@ mod tests {
         );
         assert_eq!(columns("1,2\n"), "the column t_s is missing; the columns are 1, 2");
         assert_eq!(columns(""), "the column t_s is missing; the columns are nothing");
+        assert_eq!(
+            columns("t_s,voltage_V,Voltage_v\n1,2,3\n"),
+            "the file has two columns voltage_V"
+        );
         let mut table = Table::of_bytes("# t\na,b\n1,2,3\n".into()).unwrap();
         table.columns(["a", "b"]).unwrap();
         let Err(error) = table.next_row() else {

@@ -91,7 +91,10 @@ impl CheckedFile {
     fn document(&self, scene: Option<&Scene>) -> Value {
         let free = scene.and_then(Scene::free_cells);
         let sides = self.patterns.first().map(|pattern| pattern.raster().sides());
-        let islands = |pattern: &Pattern| islands(pattern).iter().map(Bits::count).collect::<Vec<_>>();
+        let islands = |pattern: &Pattern| {
+            let islands = islands(&within(pattern, free.as_ref()));
+            islands.iter().map(Bits::count).collect::<Vec<_>>()
+        };
         json!({
             "file": self.name,
             "columns": sides.map(|[columns, _]| columns),
@@ -134,6 +137,11 @@ impl CheckedFile {
     }
 }
 
+/// The pattern without what lies on frame and bodies, where electrodes have no effect.
+fn within(pattern: &Pattern, free: Option<&Bits>) -> Pattern {
+    free.map_or_else(|| pattern.clone(), |free| pattern.within(free))
+}
+
 /// The connected pieces of a pattern, the largest first.
 fn islands(pattern: &Pattern) -> Vec<Bits> {
     let mut rest = Bits::of(pattern);
@@ -157,6 +165,11 @@ fn facts(pattern: &Pattern, scene: Option<&Scene>) -> String {
     if let Some(scene) = scene {
         facts += &format!(", {:.1} mm²", fraction * scene.free_area_mm2());
     }
+    let off = pattern.active_cells() - cells as usize;
+    if off > 0 {
+        facts += &format!(", {off} cells on frame and bodies without effect");
+    }
+    let pattern = &within(pattern, free.as_ref());
     for group in 1..=pattern.groups().min(Pattern::MOST_GROUPS) {
         if pattern.groups() > 1 {
             let cells = pattern
@@ -282,6 +295,22 @@ mod tests {
         let groups = Pattern::from_groups(raster, |x, y| if y == 4 { (x % 3) as u8 } else { 0 });
         assert_eq!(drawing(&groups, None)[1], "  │·12·12│");
         assert!(facts(&groups, None).contains("group 1: 2 cells, group 2: 2 cells"));
+    }
+
+    #[test]
+    fn electrodes_on_frame_and_bodies_do_not_count() {
+        let text = "{ geometry: { side: 8 mm, thickness: 1 mm, prestretch: 3, cells: 8, frame: { opening: { rectangle: \
+                    [[2 mm, 0 mm], [8 mm, 8 mm]] } } }, material: { model: neo-hookean, shear_modulus: 45 kPa, \
+                    relative_permittivity: 4.7 }, drive: { voltages: [1 kV, 2 kV] } }";
+        let scene = Scene::from_text(text).unwrap();
+        let pattern = Pattern::from_groups(scene.membrane().raster, |x, y| {
+            u8::from(y < 2) + u8::from(x < 3 && y < 1)
+        });
+        assert_eq!(
+            facts(&pattern, Some(&scene)),
+            "area 25.00 % (12 of 48 cells), 12.0 mm², 4 cells on frame and bodies without effect, group 1: 11 cells, \
+             group 2: 1 cells; 1 island: 12 cells at columns 2 to 7, rows 0 to 1"
+        );
     }
 
     #[test]

@@ -51,7 +51,7 @@ const LIMIT: usize = 100;
 /// The same for vectors of more than [`LARGE`] numbers: fewer iterations take less time and memory than a factorisation.
 const LARGE_LIMIT: usize = 1000;
 /// Length of a vector for which a factorisation takes half a gigabyte.
-const LARGE: usize = 1_000_000;
+pub(super) const LARGE: usize = 1_000_000;
 
 /// Solves `operator` · solution = residual from zero until the Euclidean norm of the residual, 1 on entry, is at most
 /// `goal`.

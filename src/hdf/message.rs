@@ -79,12 +79,14 @@ pub(super) enum Response {
 pub(super) type Reply = std::result::Result<Response, Failure>;
 
 /// A dataset without its elements.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DatasetInfo {
     /// Extents, slowest first; for a dataset of MATLAB those of the array in MATLAB.
     pub shape: Vec<u64>,
     /// Type of the elements.
     pub element: Element,
+    /// Factor and offset of its values, which netCDF stores packed; [`super::HdfFile::numbers`] applies them.
+    pub packing: Option<[f64; 2]>,
     /// Whether MATLAB wrote it, which reverses the axes in its files. [`super::HdfFile::numbers`] reverses them again.
     pub is_reversed: bool,
 }

@@ -24,6 +24,9 @@ const WIDTH: usize = 1024;
 /// The attribute of a dataset with its unit.
 const UNITS: &str = "units";
 
+/// The attributes of a dataset with the factor and the offset of its values.
+const PACKING: [&str; 2] = ["scale_factor", "add_offset"];
+
 /// The beginning of the user block of a file that MATLAB saved with `-v7.3`.
 const MATLAB_BLOCK: &[u8] = b"MATLAB 7.3 MAT-file";
 
@@ -86,6 +89,7 @@ impl OpenFile {
         Ok(Some(DatasetInfo {
             shape,
             element: storage::element(&found)?,
+            packing: packing(&found)?,
             is_reversed,
         }))
     }
@@ -184,10 +188,36 @@ fn numbers(found: &Dataset, name: &str, rows: Range<u64>, is_reversed: bool) -> 
     if !storage::element(found)?.is_number() {
         return Err(Failure::Refused(format!("the elements of `{name}` are not numbers")));
     }
-    Ok(Elements::F64(match is_reversed {
+    let mut values: Vec<f64> = match is_reversed {
         true => storage::last_rows(found, rows)?,
         false => storage::rows(found, rows)?,
-    }))
+    };
+    if let Some([factor, offset]) = packing(found)? {
+        values.iter_mut().for_each(|value| *value = factor * *value + offset);
+    }
+    Ok(Elements::F64(values))
+}
+
+/// Returns the factor and the offset of packed values, after the conventions of netCDF.
+fn packing(dataset: &Dataset) -> Result<Option<[f64; 2]>, Failure> {
+    let mut found = [None; 2];
+    for (name, value) in PACKING.into_iter().zip(&mut found) {
+        if has_attribute(dataset, name)? {
+            // One element, which netCDF writes as an array.
+            let values = dataset.attr(name)?.read_raw::<f64>()?;
+            let [number] = values[..] else {
+                return Err(Failure::Refused(format!(
+                    "the attribute `{name}` has {} numbers",
+                    values.len()
+                )));
+            };
+            *value = Some(number);
+        }
+    }
+    Ok(match found {
+        [None, None] => None,
+        [factor, offset] => Some([factor.unwrap_or(1.0), offset.unwrap_or(0.0)]),
+    })
 }
 
 fn has_attribute(location: &Location, name: &str) -> hdf5::Result<bool> {

@@ -31,7 +31,7 @@ pub(super) fn read(
         }
     }
     let mut read = cells.finish()?;
-    read.notes.extend(array.note().map(str::to_owned));
+    read.notes.extend(array.notes());
     Ok(read)
 }
 

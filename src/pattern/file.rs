@@ -145,6 +145,12 @@ impl FilePatterns {
 /// The value of electrodes in masks of 8 or 16 bits, which many programs write.
 const MASKS: [f64; 2] = [255.0, 65535.0];
 
+/// Whether a value is that of electrodes in masks of 8 or 16 bits.
+#[must_use]
+pub fn is_of_mask(value: f64) -> bool {
+    MASKS.contains(&value)
+}
+
 /// A cell with such a value, while patterns are read.
 const HIGH: u8 = u8::MAX;
 
@@ -181,7 +187,7 @@ impl Cells {
                     self.is_mixed |= cell != 0;
                     cell
                 }
-                None if MASKS.contains(&value) => {
+                None if is_of_mask(value) => {
                     let (_, first) = *self.high.get_or_insert((at, value));
                     self.is_mixed |= first != value;
                     HIGH

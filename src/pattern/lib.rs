@@ -18,7 +18,7 @@ mod symmetry;
 
 pub use bits::{Bits, distance};
 pub use deaflow_array::split as split_array;
-pub use file::{FilePatterns, PatternFileError};
+pub use file::{FilePatterns, PatternFileError, is_of_mask};
 pub use layers::{Layers, PatternEquivalence};
 pub use membrane::Membrane;
 pub use outline::{Corners, Island, Point, area as ring_area, outlines, total_area};

@@ -139,7 +139,7 @@ impl Table {
         let mut rows = Vec::new();
         while let Some(row) = file.next_row().map_err(|e| e.to_string())? {
             let read = |at: usize, what: &str, allowed: &str| {
-                row.decimal(at).map_err(|error| match error {
+                row.with_point(at)?.parse::<Decimal>().map_err(|error| match error {
                     QuantityError::OutOfRange(number) => row.error(format!("the {what} {number} is not {allowed}")),
                     _ => row.error(format!("{:?} is not a number", row.field(at))),
                 })

@@ -10,7 +10,10 @@ use deaflow_array::{Array, ArrayError, ArrayFile, Format};
 use deaflow_base::open_regular;
 use deaflow_field::OutcomeKind;
 use deaflow_hdf::HdfFile;
-use deaflow_pattern::Raster;
+use deaflow_pattern::{Raster, is_of_mask};
+
+/// Number of patterns that are read to see whether they are masks.
+const FEW: usize = 64;
 
 /// A file with both arrays.
 pub struct Arrays {
@@ -18,6 +21,8 @@ pub struct Arrays {
     displacement: Array,
     len: usize,
     scene: Option<String>,
+    /// The value of electrodes, if the patterns are masks.
+    mask: Option<f64>,
 }
 
 impl Arrays {
@@ -50,7 +55,9 @@ impl Arrays {
             check_outcomes(file, len)?;
             scene = file.attribute("scene").map_err(ArrayError::from)?;
         }
+        let first = patterns.rows(0..len.min(FEW))?;
         Ok(Self {
+            mask: first.into_iter().find(|value| is_of_mask(*value)),
             patterns,
             displacement,
             len,
@@ -70,7 +77,10 @@ impl Arrays {
 
     /// Returns what the reader did that a user should know.
     pub fn notes(&self) -> Vec<String> {
-        self.displacement.note().map(str::to_owned).into_iter().collect()
+        let masks = self
+            .mask
+            .map(|value| format!("values 0 and {value} of `{PATTERNS}` read as 0 and 1"));
+        self.displacement.notes().into_iter().chain(masks).collect()
     }
 
     /// Reads a range of rows of both arrays.

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::error::ImportError;
 use super::rows::Rows;
 use crate::Device;
-use deaflow_base::{Row, Table, open_regular, with_point};
+use deaflow_base::{Row, Table, open_regular};
 use deaflow_pattern::{Membrane, Raster};
 
 /// The names of the columns.
@@ -49,7 +49,7 @@ impl Line<'_> {
 
     fn number(&self, column: usize) -> Result<f64, ImportError> {
         let text = self.text(column);
-        let number = with_point(text).parse();
+        let number = self.row.with_point(self.columns[column])?.parse();
         number.map_err(|_| {
             let shown: String = text.chars().take(20).collect();
             self.error(format!("`{}`: {shown:?} is not a number", COLUMNS[column]))

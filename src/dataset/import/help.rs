@@ -43,6 +43,9 @@ impl ImportError {
                 "the membrane is clamped: displacements on its edges and frame must not exceed 1e-6 mm".to_owned()
             }
             Self::Far { .. } => "convert displacements to mm: divide µm by 1000, multiply m by 1000".to_owned(),
+            Self::Table(TableError::Notation(_) | TableError::Twice(_)) => {
+                "write the table again; see the page \"Coming from …\" of the documentation".to_owned()
+            }
             Self::Table(TableError::Columns { .. }) => {
                 format!("needed, in any order: {}", COLUMNS.join(", "))
             }

@@ -8,7 +8,7 @@ use super::error::ImportError;
 use crate::Device;
 use deaflow_base::{Digest, DigestWriter};
 use deaflow_field::Field;
-use deaflow_pattern::Pattern;
+use deaflow_pattern::{Pattern, is_of_mask};
 
 /// Largest displacement on the frame in mm that counts as rounding.
 const ROUNDING_MM: f64 = 1e-6;
@@ -88,10 +88,19 @@ impl Rows {
     }
 }
 
+/// Returns a pattern. One whose values are 0 and 255, or 0 and 65535, is a mask.
 fn pattern(cells: &[f64], row: usize, device: &Device) -> Result<Pattern, ImportError> {
     let columns = device.raster().columns();
-    let is_group = |cell: f64| cell.fract() == 0.0 && (0.0..=device.groups as f64).contains(&cell);
-    if let Some(at) = cells.iter().position(|cell| !is_group(*cell)) {
+    let mask = cells
+        .iter()
+        .copied()
+        .find(|cell| *cell != 0.0)
+        .filter(|cell| is_of_mask(*cell));
+    let is_allowed = |cell: f64| match mask {
+        Some(electrode) => cell == 0.0 || cell == electrode,
+        None => cell.fract() == 0.0 && (0.0..=device.groups as f64).contains(&cell),
+    };
+    if let Some(at) = cells.iter().position(|cell| !is_allowed(*cell)) {
         return Err(ImportError::Cell {
             row,
             y: at / columns,
@@ -100,7 +109,8 @@ fn pattern(cells: &[f64], row: usize, device: &Device) -> Result<Pattern, Import
         });
     }
     Ok(Pattern::from_groups(device.raster(), |x, y| {
-        cells[y * columns + x] as u8
+        let cell = cells[y * columns + x];
+        if mask == Some(cell) { 1 } else { cell as u8 }
     }))
 }
 

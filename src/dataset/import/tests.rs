@@ -547,3 +547,67 @@ fn broken_files_are_read_or_refused() {
         }
     }
 }
+
+#[test]
+fn masks_are_read_as_patterns_and_noted() {
+    let folder = Folder::new();
+    let bytes = |cells: &[f64]| {
+        let patterns = npy("|u1", &[2, CELLS, CELLS], cells, false);
+        let fields = npy("<f8", &[2, CORNERS, CORNERS, 2], &fields(), false);
+        archive(&[("patterns.npy", patterns), ("displacement.npy", fields)], false)
+    };
+    let plain = folder.read_bytes("plain.npz", &bytes(&cells())).unwrap();
+    let masks: Vec<f64> = cells().iter().map(|cell| 255.0 * cell).collect();
+    assert_eq!(folder.read_bytes("mask.npz", &bytes(&masks)).unwrap(), plain);
+    let notes = |name: &str| ImportFile::open(&folder.path(name), &device()).unwrap().notes();
+    assert_eq!(notes("mask.npz"), ["values 0 and 255 of `patterns` read as 0 and 1"]);
+    assert!(notes("plain.npz").is_empty());
+    let mut mixed = masks;
+    let bare = mixed.iter().position(|cell| *cell == 0.0).unwrap();
+    mixed[bare] = 1.0;
+    assert!(folder.refusal("mixed.npz", &bytes(&mixed)).contains("is 1"));
+}
+
+#[test]
+fn packed_values_of_netcdf_are_unpacked() {
+    let folder = Folder::new();
+    let write = |name: &str, factor: Option<f32>, offset: Option<f64>| {
+        let mut builder = hdf5::FileBuilder::new();
+        builder.with_fapl(|access| access.file_locking(false));
+        let file = builder.create(folder.path(name)).unwrap();
+        let patterns = file
+            .new_dataset::<u8>()
+            .shape([2, CELLS, CELLS])
+            .create("patterns")
+            .unwrap();
+        patterns
+            .write_raw(&cells().iter().map(|cell| *cell as u8).collect::<Vec<_>>())
+            .unwrap();
+        let packed: Vec<i16> = fields().iter().map(|value| (64.0 * value) as i16).collect();
+        let shape = [2, CORNERS, CORNERS, 2];
+        let displacement = file.new_dataset::<i16>().shape(shape).create("displacement").unwrap();
+        displacement.write_raw(&packed).unwrap();
+        if let Some(factor) = factor {
+            let attribute = displacement
+                .new_attr::<f32>()
+                .shape([1])
+                .create("scale_factor")
+                .unwrap();
+            attribute.write_raw(&[factor]).unwrap();
+        }
+        if let Some(offset) = offset {
+            let attribute = displacement.new_attr::<f64>().create("add_offset").unwrap();
+            attribute.write_scalar(&offset).unwrap();
+        }
+    };
+    write("packed.nc", Some(1.0 / 64.0), Some(0.0));
+    assert_eq!(
+        folder.read("packed.nc").unwrap().fields[1].values(),
+        &fields()[fields().len() / 2..]
+    );
+    let notes = ImportFile::open(&folder.path("packed.nc"), &device()).unwrap().notes();
+    assert_eq!(notes, ["values unpacked: times 0.015625, plus 0"]);
+    // An offset alone moves the frame.
+    write("moved.nc", None, Some(0.5));
+    assert!(folder.read("moved.nc").unwrap_err().contains("frame"));
+}

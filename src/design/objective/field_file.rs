@@ -3,9 +3,7 @@
 use std::path::Path;
 
 use super::points::{MAX_MM, PointParameters};
-use deaflow_base::{
-    Decimal, Dimension, InputError, Length, Node, Quantity, Row, Table, TableError, confined, with_point,
-};
+use deaflow_base::{Decimal, Dimension, InputError, Length, Node, Quantity, Row, Table, TableError, confined};
 use deaflow_field::CORNERS;
 
 const COLUMNS: [&str; 4] = ["x_mm", "y_mm", "ux_mm", "uy_mm"];
@@ -62,7 +60,7 @@ fn points(table: &mut Table) -> Result<Vec<PointParameters>, FieldFileError> {
 fn point(row: &Row<'_>, columns: [usize; 4]) -> Result<PointParameters, TableError> {
     let length = |column: usize| {
         let text = row.field(column);
-        match Quantity::parse(&with_point(text), Dimension::Length) {
+        match Quantity::parse(&row.with_point(column)?, Dimension::Length) {
             Ok(length) if length.value().abs() <= MAX_MM => Ok(Length::from_base(length.base())),
             _ => Err(row.error(format!("{text:?} is not a length in mm up to {MAX_MM}"))),
         }

@@ -8,6 +8,8 @@ use serde_json::json;
 use super::method::Method;
 use crate::capacitance::is_clustered;
 use crate::error::SetupError;
+use crate::krylov::LARGE;
+use crate::lanes::WIDEST;
 use crate::rectangle::is_large_or_long;
 use crate::time::{HistoryOptions, HistoryRequest, HistorySolver, refusal};
 use crate::work::WorkLimit;
@@ -451,7 +453,7 @@ impl SolverKeys {
 /// Returns the revision to add to the RECIPE of kinds that simulate a scene. A fringe field is integrated within
 /// bilinear elements, which were once split along it; powers of stretches are sums of fewer terms in single precision
 /// and, for small stretches, no longer take roots; membranes of many cells, long ones, and those with many nodes along
-/// frames and bodies have another preconditioner.
+/// frames and bodies have another preconditioner; more than a million unknowns have more iterations.
 #[must_use]
 pub fn revision_of(scene: &Scene) -> u32 {
     revision_on(scene, NODES_PER_CELL)
@@ -467,9 +469,17 @@ fn revision_on(scene: &Scene, nodes_per_cell: usize) -> u32 {
         true => 4,
         false => 2 * u32::from(scene.effects.fringe_field.is_some()),
     };
-    let has_other_preconditioner = is_large_or_long(scene.membrane().raster.sides())
+    let sides = scene.membrane().raster.sides();
+    let has_other_solver = is_large_or_long(sides)
+        || may_be_large(sides.map(|cells| cells * nodes_per_cell))
         || is_clustered(edges_of_frames_and_bodies(scene) * nodes_per_cell);
-    of_effects + 8 * u32::from(has_other_preconditioner)
+    of_effects + 8 * u32::from(has_other_solver)
+}
+
+/// Returns whether vectors with so many nodes along the sides may be so long, with their padding, that more iterations
+/// are allowed than in earlier versions.
+fn may_be_large([columns, rows]: [usize; 2]) -> bool {
+    2 * (columns + 1 + 2 * WIDEST) * (rows + 1) > LARGE
 }
 
 /// Returns the number of edges between free cells and those of frames and bodies.
@@ -565,7 +575,8 @@ mod tests {
             "[61, 20]",
         ]
         .map(revision);
-        assert_eq!(revisions, [0, 0, 0, 8, 8, 8]);
+        // With 8 nodes along a cell, 100 × 100 cells have 1.3 million unknowns.
+        assert_eq!(revisions, [8, 0, 0, 8, 8, 8]);
     }
 
     #[test]
