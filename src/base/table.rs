@@ -639,7 +639,8 @@ mod tests {
         let row = table.next_row().unwrap().unwrap();
         assert_eq!(
             row.number(1).unwrap_err().to_string(),
-            "line 2: value 2: \"2.000,5\" is not a number"
+            "line 2: the numbers have points and commas, so one of them separates thousands: \"2.000,5\"; write numbers \
+             without separators of thousands"
         );
         let mut table = Table::of_bytes(vec![b'1'; 1 << 21]).unwrap();
         let Err(error) = table.next_row() else {
