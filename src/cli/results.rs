@@ -312,10 +312,14 @@ pub fn remarks(results: &[SampleResult], critical_note: Option<&str>) -> Text {
         })
     });
     add_lines(&mut text, Tone::Plain, results, |result| {
-        // The outcome of a pattern without a solution tells this already, and a critical voltage with its error follows.
-        let is_told = result.peak.is_none() || result.near_limit.flatten().is_some();
-        let critical = result.critical.as_ref().filter(|_| !is_told)?;
-        Some(match critical.between {
+        let critical = result.critical.as_ref()?;
+        // The outcome of a pattern without a solution tells this already. A critical voltage with its error follows, or
+        // that it was not found.
+        let is_told = match (result.near_limit, critical.between) {
+            (Some(Some(_)), _) | (Some(None), None) => true,
+            (Some(None), Some(_)) | (None, _) => result.peak.is_none(),
+        };
+        (!is_told).then(|| match critical.between {
             Some([stable, lost]) => {
                 let [stable, lost] = range_ends([stable, lost]);
                 format!("stability is lost between {stable} V and {lost} V{}", critical.on)
@@ -327,7 +331,13 @@ pub fn remarks(results: &[SampleResult], critical_note: Option<&str>) -> Text {
         text.toned(Tone::Caution, note);
     }
     add_lines(&mut text, Tone::Caution, results, |result| {
-        Some(close_to_instability(result.near_limit?))
+        let near_limit = result.near_limit?;
+        // On the mesh of the solution it may have been found.
+        let is_told = near_limit.is_none() && result.critical.as_ref().is_some_and(|found| found.between.is_some());
+        Some(match is_told {
+            true => CLOSE_TO_INSTABILITY.to_owned(),
+            false => close_to_instability(near_limit),
+        })
     });
     add_lines(&mut text, Tone::Caution, results, |result| {
         let ratio = result.breakdown_ratio.filter(|ratio| *ratio >= CLOSE_TO_BREAKDOWN)?;
@@ -352,10 +362,13 @@ pub fn remarks(results: &[SampleResult], critical_note: Option<&str>) -> Text {
     text
 }
 
+/// What deserves attention in a stable solution that a finer mesh could reject.
+const CLOSE_TO_INSTABILITY: &str = "close to instability: a finer mesh may find no stable solution";
+
 /// Describes a stable solution that a finer mesh could reject, with the critical voltage, if it was found.
 pub fn close_to_instability(critical: Option<CriticalVoltage>) -> String {
     let limit = critical.map_or("was not found".to_owned(), |found| format!("is {}", with_error(&found)));
-    format!("close to instability: a finer mesh may find no stable solution; the critical voltage {limit}")
+    format!("{CLOSE_TO_INSTABILITY}; the critical voltage {limit}")
 }
 
 /// A critical voltage with its error.
@@ -485,19 +498,20 @@ mod tests {
             },
             fine: None,
         };
-        let told = |near_limit, breakdown_ratio, mm| {
+        let told_between = |between, near_limit, breakdown_ratio, mm| {
             let one = SampleResult {
                 near_limit,
                 breakdown_ratio,
                 critical: Some(CriticalBracket {
                     mesh: Mesh::biquadratic(1),
                     on: String::new(),
-                    between: Some([6100.0, 6110.0]),
+                    between,
                 }),
                 ..result(0, mm)
             };
             remarks(&[one], None).show(Screen::default())
         };
+        let told = |near_limit, ratio, mm| told_between(Some([6100.0, 6110.0]), near_limit, ratio, mm);
         let near = told(Some(Some(limit)), Some(0.5), Some(1.0));
         assert!(near.contains("5900 ± 40 V") && !near.contains("6100"), "{near}");
         let searched = told(None, Some(0.93), Some(1.0));
@@ -506,6 +520,12 @@ mod tests {
                 && searched.contains("close to the breakdown field: E/E_B = 0.93")
         );
         assert!(told(None, Some(1.04), Some(1.0)).contains("exceeds the breakdown field: E/E_B = 1.04"));
+        // The limit of finer meshes was not found: that of this mesh is told, or once that there is none.
+        let on_this_mesh = told(Some(None), None, Some(1.0));
+        assert!(on_this_mesh.contains("6100.0 V") && on_this_mesh.contains("close to instability"));
+        assert!(!on_this_mesh.contains("not found"), "{on_this_mesh}");
+        let nowhere = told_between(None, Some(None), None, Some(1.0));
+        assert_eq!(nowhere.matches("was not found").count(), 1, "{nowhere}");
         // At the work limit nothing is known of the stability.
         let stopped = SampleResult {
             failure: Some("work-limit: raise the time limit".to_owned()),

@@ -328,6 +328,10 @@ fn a_solution_that_a_finer_mesh_could_refuse_is_named() {
                     .lines()
                     .filter(|line| line.contains("critical voltage") || line.contains("is lost"));
                 assert_eq!(told.count(), 1, "{text}");
+                assert!(
+                    !text.contains("is unstable") && !text.contains("the field of"),
+                    "{text}"
+                );
             }
         }
     }

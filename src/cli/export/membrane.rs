@@ -2,7 +2,7 @@
 
 use crate::CliError;
 use crate::results::close_to_instability;
-use deaflow_fem::screening::{ScreenedScene, TestPattern};
+use deaflow_fem::screening::{ScreenedScene, TestPattern, examined, observing_breakdown, resolve};
 use deaflow_fem::{CellState, CriticalSearch, MembraneSolver, SolveOptions, WorkLimit};
 use deaflow_pattern as pattern;
 use deaflow_stage::designs::Design;
@@ -33,9 +33,8 @@ pub struct Membrane {
 /// # Errors
 /// When the solver cannot be set up, or the membrane has no stable state at this voltage.
 pub fn simulate(design: &Design, options: SolveOptions) -> Result<Membrane, CliError> {
-    let tests = [TestPattern::new("design", design.pattern.clone())];
-    let screened = ScreenedScene::for_patterns(&design.scene, &tests, WorkLimit::default())?;
-    let solver = MembraneSolver::new(&screened.scene, options)?;
+    let scene = resolve(&design.scene)?;
+    let solver = MembraneSolver::new(&observing_breakdown(&scene), options)?;
     let solution = solver.solve(&design.pattern);
     if !solution.outcome.is_converged() {
         let outcome = &solution.outcome;
@@ -47,8 +46,16 @@ pub fn simulate(design: &Design, options: SolveOptions) -> Result<Membrane, CliE
             ),
         }));
     }
-    let search = CriticalSearch::if_in_question(&screened.scene, options)?;
+    let search = CriticalSearch::if_in_question(&scene, options)?;
     let near_limit = search.and_then(|search| search.uncertain_limit(&design.pattern));
+    let tests = [TestPattern::new("design", design.pattern.clone())];
+    let solved = [examined(
+        "design",
+        &scene,
+        &design.pattern,
+        &solver.simulation(&design.pattern, &solution),
+    )];
+    let screened = ScreenedScene::for_solutions(&scene, &tests, &solved, WorkLimit::default())?;
     let warnings = screened.warnings.into_iter().chain(screened.breakdown_warning);
     let displacement = solver.corner_displacements(&solution);
     let largest = displacement.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);

@@ -12,10 +12,11 @@ use crate::results::{AccuracyResult, CriticalBracket, Peak, SampleId, SampleResu
 use crate::{CliError, Exit, Output};
 use deaflow_base::Progress;
 use deaflow_content::{Lines, Observations, Packed, SolveFile};
-use deaflow_fem::screening::{ScreenedScene, TestPattern, resolve_states};
+use deaflow_fem::effects::Examined;
+use deaflow_fem::screening::{ScreenedScene, TestPattern, examined, observing_breakdown, resolve, resolve_states};
 use deaflow_fem::{
-    AccurateSimulation, CriticalSearch, CriticalVoltage, MeshRequest, Method, SolveOptions, Solver, SolverParameters,
-    wrinkled_fraction,
+    AccurateSimulation, CriticalSearch, CriticalVoltage, MeshRequest, Method, SetupError, SolveOptions, Solver,
+    SolverParameters, wrinkled_fraction,
 };
 use deaflow_field::{Field, Mesh, Order};
 use deaflow_pattern::Pattern;
@@ -32,6 +33,9 @@ const BILINEAR: &str =
 
 /// A note on critical voltages of other elements.
 const ONE_MESH: &str = "critical voltages of a single mesh are slightly too high: --path estimates their error";
+
+/// What warnings call a pattern.
+const NAME: &str = "pattern";
 
 const FORM: Form = Form {
     name: "solve",
@@ -97,9 +101,8 @@ impl StateRun {
         parameters: &SolverParameters,
     ) -> Result<Self, CliError> {
         let patterns = &simulation.patterns;
-        let tests = TestPattern::some_of(patterns, "pattern");
-        let screened = ScreenedScene::for_patterns(scene, &tests, parameters.work_limit())?;
-        let solver = parameters.build(&screened.scene)?;
+        let scene = resolve(scene)?;
+        let solver = parameters.build(&observing_breakdown(&scene))?;
         let threads = rayon::current_num_threads();
         let mut solutions = Vec::with_capacity(patterns.len());
         let mut seconds = Vec::with_capacity(patterns.len());
@@ -118,7 +121,8 @@ impl StateRun {
             seconds.extend(seconds_each(start, batch.len()));
             simulation.job.bar.advance(batch.len() as u64);
         }
-        let near_limit = near_limit(&screened.scene, patterns, &solutions, parameters)?;
+        let near_limit = near_limit(&scene, patterns, &solutions, parameters)?;
+        let screened = screened(&scene, patterns, &solutions, parameters)?;
         Ok(Self {
             state,
             screened,
@@ -163,7 +167,9 @@ fn results(
         // Critical voltages of different meshes would contradict each other without the mesh.
         let on = accuracy_mm.map_or_else(String::new, |_| format!(", on {mesh}"));
         let field = solution.field.as_ref();
-        let is_searched = run.screened.scene.effects.electromechanical_stability.is_some();
+        let effects = &run.screened.scene.effects;
+        let is_searched = effects.electromechanical_stability.is_some();
+        let is_observed = effects.dielectric_breakdown.is_some();
         SampleResult {
             id: SampleId {
                 index,
@@ -184,7 +190,7 @@ fn results(
                 .get(index)
                 .and_then(|cells| Some(wrinkled_fraction(cells.as_deref()?))),
             near_limit: run.near_limit[index],
-            breakdown_ratio: solution.observation.breakdown_ratio,
+            breakdown_ratio: solution.observation.breakdown_ratio.filter(|_| is_observed),
             critical: is_searched.then_some(CriticalBracket {
                 mesh: *mesh,
                 on,
@@ -266,6 +272,26 @@ fn content(simulation: &Simulation<'_>, runs: &[StateRun], probe: Option<Probe>,
         warnings: Some(Lines(warnings.to_vec())),
         ..SolveFile::default()
     }
+}
+
+/// Screens a scene for effects that the solutions neglect.
+fn screened(
+    scene: &Scene,
+    patterns: &[Pattern],
+    solutions: &[AccurateSimulation],
+    parameters: &SolverParameters,
+) -> Result<ScreenedScene, SetupError> {
+    let tests = TestPattern::some_of(patterns, NAME);
+    let limit = parameters.work_limit();
+    // An estimate has no outcome that tells the stability.
+    if parameters.method() != Method::Newton {
+        return ScreenedScene::for_patterns(scene, &tests, limit);
+    }
+    let solved = patterns.iter().zip(solutions).enumerate();
+    let solved: Vec<Examined> = solved
+        .map(|(at, (pattern, solution))| examined(&format!("{NAME} {at}"), scene, pattern, &solution.simulation))
+        .collect();
+    ScreenedScene::for_solutions(scene, &tests, &solved, limit)
 }
 
 /// Finds the stable solutions that a finer mesh could reject, with their critical voltages.

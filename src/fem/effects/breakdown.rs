@@ -4,6 +4,7 @@
 
 use super::effect::{Effect, Examined, Significance, Solutions, Verdict};
 use crate::CellState;
+use deaflow_field::Outcome;
 use deaflow_scene::effects::names;
 use deaflow_scene::{Breakdown, Effects, HuangStrength, Scene};
 
@@ -92,7 +93,13 @@ impl Effect for DielectricBreakdown {
             ),
             (_, None) => open(
                 Verdict::WorkLimit,
-                format!("the field of `{pattern}` is unknown: the work limit was reached; at rest E/E_B is {field:.2}"),
+                format!(
+                    "the field of `{pattern}` is unknown: a solution for this check {}; at rest E/E_B is {field:.2}",
+                    match one.outcome {
+                        Outcome::WorkLimit => "reached its work limit",
+                        _ => "did not converge",
+                    }
+                ),
             ),
         }
     }
@@ -103,7 +110,7 @@ mod tests {
     use super::*;
     use crate::{MembraneSolver, SolveOptions};
     use deaflow_base::ElectricField;
-    use deaflow_field::{Outcome, Simulator};
+    use deaflow_field::Simulator;
     use deaflow_pattern::{Pattern, Raster};
     use deaflow_scene::ConstantStrength;
 

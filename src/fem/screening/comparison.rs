@@ -97,16 +97,27 @@ pub fn assess(comparisons: &[Comparison]) -> Significance {
     match comparisons.iter().find(|one| one.is_unknown()) {
         Some(unknown) if by_number.verdict != Verdict::Significant => Significance {
             verdict: Verdict::WorkLimit,
-            change: format!(
-                "the influence on `{}` is unknown: the work limit was reached, probably because the pattern is \
-                 unstable; try `deaflow screen` with a longer time limit{}",
-                unknown.pattern,
-                number.map_or_else(String::new, |_| format!("; for other patterns, {}", by_number.change))
-            ),
+            change: describe_unknown(unknown, largest),
             ..by_number
         },
         _ => by_number,
     }
+}
+
+/// Says that the influence on a pattern is not known, which is no sign that the pattern is unstable, and what is known
+/// of the pattern that changes most.
+fn describe_unknown(unknown: &Comparison, largest: &Comparison) -> String {
+    let is_work_limit = unknown.outcomes.contains(&Outcome::WorkLimit);
+    let reason = match is_work_limit {
+        true => "a solution for the comparison reached its work limit; try `deaflow screen` with a longer time limit",
+        false => "a solution for the comparison did not converge",
+    };
+    let known = match largest.displacement {
+        None => String::new(),
+        Some(_) if std::ptr::eq(largest, unknown) => format!("; {}", describe(largest)),
+        Some(_) => format!("; for other patterns, {}", describe(largest)),
+    };
+    format!("the influence on `{}` is unknown: {reason}{known}", unknown.pattern)
 }
 
 /// Describes the change of displacement as a sentence.
@@ -129,7 +140,10 @@ fn describe(comparison: &Comparison) -> String {
     if difference < 5e-4 {
         return format!("the displacement would change by less than 0.1 %{at_voltage}");
     }
-    let (verb, size) = match change.abs() >= REPRESENTATIVE * difference {
+    // The number decides about the significance; a change on the other side of the threshold would contradict it.
+    let is_representative =
+        change.abs() >= REPRESENTATIVE * difference && (change.abs() > SMALL) == (difference > SMALL);
+    let (verb, size) = match is_representative {
         true if change > 0.0 => ("rise", format!("about {:.1} %", 100.0 * change)),
         true => ("fall", format!("about {:.1} %", -100.0 * change)),
         false => ("change", format!("up to {:.1} %", 100.0 * difference)),
@@ -226,5 +240,54 @@ mod tests {
         assert_eq!(assess(std::slice::from_ref(&stopped)).number, None);
         let found = assess(&[stopped, one([Outcome::Converged; 2], Some(0.03))]);
         assert_eq!(found.verdict, Verdict::Significant);
+    }
+
+    #[test]
+    fn a_comparison_without_a_result_says_nothing_about_stability_or_about_other_patterns() {
+        let unknown = "the influence on `p` is unknown: a solution for the comparison ";
+        let limited = "reached its work limit; try `deaflow screen` with a longer time limit";
+        let stopped = one([Outcome::Converged, Outcome::WorkLimit], None);
+        assert_eq!(assess(&[stopped]).change, format!("{unknown}{limited}"));
+        let failed = one([Outcome::Converged, Outcome::IterationLimit], None);
+        assert_eq!(assess(&[failed]).change, format!("{unknown}did not converge"));
+        // The same pattern is compared at a lower voltage.
+        let lower = one([lost(), Outcome::WorkLimit], Some(0.01));
+        let lower = assess(&[lower]);
+        assert_eq!(
+            lower.change,
+            format!(
+                "{unknown}{limited}; the displacement of `p` would fall by about 1.0 % at 1000 V, just below the \
+                 critical voltage"
+            )
+        );
+        assert_eq!(lower.verdict, Verdict::WorkLimit);
+    }
+
+    #[test]
+    fn a_described_change_is_on_the_same_side_of_the_threshold_as_the_number() {
+        let compared = |difference, change| {
+            let displacement = Some(Displacement {
+                voltage: 1e3,
+                difference,
+                change,
+            });
+            let found = assess(&[Comparison {
+                displacement,
+                ..one([Outcome::Converged; 2], None)
+            }]);
+            (
+                found.verdict,
+                found.change.replace("the displacement of `p` would ", ""),
+            )
+        };
+        let (significant, not) = (Verdict::Significant, Verdict::NotSignificant);
+        let cases = [
+            (0.022, -0.017, significant, "change by up to 2.2 %"),
+            (0.022, -0.021, significant, "fall by about 2.1 %"),
+            (0.019, 0.017, not, "rise by about 1.7 %"),
+        ];
+        for (difference, change, verdict, text) in cases {
+            assert_eq!(compared(difference, change), (verdict, text.to_owned()));
+        }
     }
 }

@@ -8,7 +8,7 @@ use crate::effects::{
     Examined, NEAR, StableRange, breakdown_ratio, breakdown_ratio_at_rest, breakdown_strength_or_default,
 };
 use crate::{CriticalSearch, MembraneSolver, MeshSolution, SetupError, SolveOptions, WorkLimit};
-use deaflow_field::Mesh;
+use deaflow_field::{Mesh, Simulation};
 use deaflow_pattern::Pattern;
 use deaflow_scene::{Breakdown, Effects, Scene};
 
@@ -56,6 +56,30 @@ pub fn field_ratio(breakdown: &Breakdown, solver: &MembraneSolver, pattern: &Pat
         breakdown_ratio_at_rest(breakdown, scene)
     } else {
         0.0
+    }
+}
+
+/// Returns a scene whose results also tell the field that [`examined`] needs. Their displacements are the same.
+#[must_use]
+pub fn observing_breakdown(scene: &Scene) -> Scene {
+    scene.with_effects(Effects {
+        dielectric_breakdown: Some(breakdown_strength_or_default(scene)),
+        ..scene.effects.clone()
+    })
+}
+
+/// Returns what the solution for a pattern in an [observed](observing_breakdown) scene tells.
+#[must_use]
+pub fn examined(name: &str, scene: &Scene, pattern: &Pattern, simulation: &Simulation) -> Examined {
+    let at_rest = || match pattern.active_cells() {
+        0 => 0.0,
+        _ => breakdown_ratio_at_rest(&breakdown_strength_or_default(scene), scene),
+    };
+    Examined {
+        pattern: name.to_owned(),
+        outcome: simulation.outcome,
+        field: simulation.observation.breakdown_ratio.unwrap_or_else(at_rest),
+        stability: None,
     }
 }
 

@@ -15,6 +15,7 @@ mod test_pattern;
 mod tests;
 
 pub use comparison::{Comparison, Displacement};
+pub use examine::{examined, observing_breakdown};
 pub use resolve::{ScreenedScene, remember, resolve, resolve_states, resolved_states};
 pub use row::{Row, Status};
 pub use screen::{Screening, screen, screen_for, screen_within};

@@ -4,8 +4,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::examine::Purpose;
 use super::row::{Row, Status};
-use super::screen::screen_to;
+use super::screen::{screen_for_warnings, screen_to};
 use super::test_pattern::{TestPattern, reference_patterns};
+use crate::effects::Examined;
 use crate::{SetupError, WorkLimit};
 use deaflow_base::is_interrupted;
 use deaflow_scene::effects::names;
@@ -36,8 +37,31 @@ impl ScreenedScene {
     /// # Errors
     /// If its effects cannot be simulated.
     pub fn for_patterns(scene: &Scene, patterns: &[TestPattern], limit: WorkLimit) -> Result<Self, SetupError> {
+        Self::screened(scene, patterns, None, limit)
+    }
+
+    /// Like [`ScreenedScene::for_patterns`], with the solutions of all patterns that were simulated: what these tell is
+    /// not solved for again. Without any of the patterns nothing is solved.
+    ///
+    /// # Errors
+    /// As [`ScreenedScene::for_patterns`].
+    pub fn for_solutions(
+        scene: &Scene,
+        patterns: &[TestPattern],
+        solved: &[Examined],
+        limit: WorkLimit,
+    ) -> Result<Self, SetupError> {
+        Self::screened(scene, patterns, Some(solved), limit)
+    }
+
+    fn screened(
+        scene: &Scene,
+        patterns: &[TestPattern],
+        solved: Option<&[Examined]>,
+        limit: WorkLimit,
+    ) -> Result<Self, SetupError> {
         let scene = resolve(scene)?;
-        let mut screening = screen_to(Purpose::Warnings, &scene, patterns, limit.part(WARNING_SHARE))?;
+        let mut screening = screen_for_warnings(&scene, patterns, solved, limit.part(WARNING_SHARE))?;
         let is_observed = |row: &Row| row.effect == names::BREAKDOWN && row.status == Status::On;
         let (observed, rows) = screening.rows.into_iter().partition(is_observed);
         screening.rows = rows;

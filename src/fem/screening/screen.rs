@@ -4,7 +4,7 @@ use super::comparer::Comparer;
 use super::examine::{Purpose, examine};
 use super::row::{Judgement, Row, Warning};
 use super::test_pattern::TestPattern;
-use crate::effects::{DISPLACED, EFFECTS, Effect, SMALL, Significance, Solutions, Verdict};
+use crate::effects::{DISPLACED, EFFECTS, Effect, Examined, SMALL, Significance, Solutions, Verdict};
 use crate::{SetupError, WorkLimit};
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, Scene};
@@ -66,9 +66,17 @@ pub(super) fn screen_to(
     patterns: &[TestPattern],
     limit: WorkLimit,
 ) -> Result<Screening, SetupError> {
-    if purpose != Purpose::Warnings {
-        return ScreeningRun::new(&EFFECTS, scene, patterns, limit, purpose).finish();
-    }
+    ScreeningRun::new(&EFFECTS, scene, patterns, limit, purpose).finish()
+}
+
+/// Screens a scene for the effects that its results neglect, with some patterns. `solved` are the solutions of all
+/// patterns that were simulated; without them the patterns are solved on a coarse mesh.
+pub(super) fn screen_for_warnings(
+    scene: &Scene,
+    patterns: &[TestPattern],
+    solved: Option<&[Examined]>,
+    limit: WorkLimit,
+) -> Result<Screening, SetupError> {
     // Effects that are on need no warning, except those in time, which an equilibrium ignores, and breakdown. The
     // stability of the patterns is known from their own results.
     let is_open = |effect: &&dyn Effect| match effect.name() {
@@ -77,7 +85,8 @@ pub(super) fn screen_to(
         _ => effect.needs_time() || effect.is_on(&scene.effects, scene) != Some(true),
     };
     let effects: Vec<&dyn Effect> = EFFECTS.into_iter().filter(is_open).collect();
-    ScreeningRun::new(&effects, scene, patterns, limit, purpose).finish()
+    let run = ScreeningRun::new(&effects, scene, patterns, limit, Purpose::Warnings);
+    ScreeningRun { solved, ..run }.finish()
 }
 
 /// Screens a scene for some effects.
@@ -96,6 +105,8 @@ struct ScreeningRun<'a> {
     patterns: &'a [TestPattern],
     limit: WorkLimit,
     purpose: Purpose,
+    /// The solutions that are judged, if they are known.
+    solved: Option<&'a [Examined]>,
     /// The simulated effects.
     chosen: Effects,
     comparer: Comparer,
@@ -115,6 +126,7 @@ impl<'a> ScreeningRun<'a> {
             patterns,
             limit,
             purpose,
+            solved: None,
             chosen: scene.effects.clone(),
             comparer: Comparer::new(patterns, purpose, limit.part(COMPARING)),
         }
@@ -139,9 +151,10 @@ impl<'a> ScreeningRun<'a> {
     /// Judges the remaining effects by solutions of the scene with its simulated effects.
     fn judge_by_solutions(&mut self, judged: &mut [Option<Judgement>]) -> Result<(), SetupError> {
         let scene = self.scene.with_effects(self.chosen.clone());
-        let examined = match self.purpose {
-            Purpose::Warnings => self.comparer.examine(&scene)?,
-            purpose => examine(&scene, self.patterns, purpose, self.limit.part(1.0 - COMPARING))?,
+        let examined = match (self.solved, self.purpose) {
+            (Some(solved), _) => solved.to_vec(),
+            (None, Purpose::Warnings) => self.comparer.examine(&scene)?,
+            (None, purpose) => examine(&scene, self.patterns, purpose, self.limit.part(1.0 - COMPARING))?,
         };
         let solutions = Solutions { examined: &examined };
         for (effect, judged) in self.effects.iter().zip(judged) {

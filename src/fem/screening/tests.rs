@@ -350,6 +350,35 @@ fn warnings_are_about_the_given_patterns_alone() {
 }
 
 #[test]
+fn known_solutions_are_judged_instead_of_others_on_a_coarse_mesh() {
+    let scene = Scene::vhb4910();
+    let tests = TestPattern::some_of(&[half()], "pattern");
+    let no_work = WorkLimit::default().part(0.0);
+    let unknown = "field of `pattern 0` is unknown: a solution for this check reached its work limit";
+    let without = ScreenedScene::for_patterns(&scene, &tests, no_work).unwrap();
+    assert!(
+        without.warnings.iter().any(|w| w.contains(unknown)),
+        "{:?}",
+        without.warnings
+    );
+    let solver = MembraneSolver::new(&observing_breakdown(&scene), SolveOptions::default()).unwrap();
+    let solved = solver.simulation(&half(), &solver.solve(&half()));
+    let solved = [examined("pattern 0", &scene, &half(), &solved)];
+    let with = ScreenedScene::for_solutions(&scene, &tests, &solved, no_work).unwrap();
+    assert!(
+        !with.warnings.iter().any(|w| w.contains("breakdown")),
+        "{:?}",
+        with.warnings
+    );
+    // Nothing that was not solved is said to be unstable.
+    assert!(
+        !with.warnings.iter().any(|w| w.contains("unstable")),
+        "{:?}",
+        with.warnings
+    );
+}
+
+#[test]
 fn breakdown_is_warned_of_while_it_is_not_observed() {
     // 47.25 MV/m at rest, 51 · 3^0.63 = 101.9 MV/m.
     let at = |volts| Scene::vhb4910().at_voltage(volts);
