@@ -495,6 +495,28 @@ impl<'a> Spent<'a> {
         self.limit.set(self.limit.get().less(pass.work));
         pass
     }
+
+    /// Ends with a pass that the work limit cut short before an error was known: returns the one that got further, this
+    /// or the one before it.
+    fn cut_short(&self, pass: Pass, before: Option<Pass>) -> (Pass, Refined) {
+        let reached = |pass: &Pass| pass.instants.last().map_or(0.0, |instant| instant.time);
+        let furthest = match before {
+            Some(before) if reached(&before) > reached(&pass) => before,
+            _ => pass,
+        };
+        let pass = Pass {
+            end: PassEnd::WorkLimit,
+            ..furthest
+        };
+        let refined = Refined {
+            fields: pass.fields.clone(),
+            error: None,
+            steps: self.steps,
+            newton_steps: self.newton_steps,
+            pass: pass.clone(),
+        };
+        (pass, refined)
+    }
 }
 
 /// Returns the error of a pass if it is known: the pass and the one before reached requested times.
@@ -549,7 +571,13 @@ fn refine(
     let mut spent = Spent::new(limit);
     let mut before: Option<Pass> = None;
     let mut coarse = spent.count(first);
+    if coarse.is_cut_short() {
+        return spent.cut_short(coarse, None);
+    }
     let mut fine = spent.count(halve(&coarse));
+    if fine.is_cut_short() {
+        return spent.cut_short(fine, Some(coarse));
+    }
     let mut halvings = 1;
     loop {
         let difference = change(&fine, &coarse);
@@ -600,8 +628,17 @@ fn refine_motion(
 ) -> (Pass, Refined) {
     let mut spent = Spent::new(limit);
     let mut before = spent.count(pass_with(0, None));
+    if before.is_cut_short() {
+        return spent.cut_short(before, None);
+    }
     let mut coarse = spent.count(pass_with(1, Some(&before)));
+    if coarse.is_cut_short() {
+        return spent.cut_short(coarse, Some(before));
+    }
     let mut fine = spent.count(pass_with(2, Some(&coarse)));
+    if fine.is_cut_short() {
+        return spent.cut_short(fine, Some(coarse));
+    }
     let mut halvings = 2;
     loop {
         let [old, new] = [[&coarse, &before], [&fine, &coarse]].map(|[fine, coarse]| {

@@ -577,6 +577,36 @@ fn a_history_ends_where_its_work_is_done() {
 }
 
 #[test]
+fn a_motion_that_ends_at_its_work_limit_has_what_its_passes_reached() {
+    let scene = scene(&format!(
+        "{SQUARE}, drive: {{ voltage: 4 kV, waveform: {{ ramp: {{ time: 5 ms }} }} }}, \
+         properties: {{ density: 960 }}, effects: {{ inertia: {{}} }}"
+    ));
+    let solver = MembraneSolver::new(&scene, SolveOptions::on(Mesh::bilinear(1))).unwrap();
+    let times = vec![1e-3, 5e-3, 0.02];
+    let whole = solver.history(&odd(ten()), &HistoryRequest::at(times.clone())).unwrap();
+    assert_eq!((whole.outcome, whole.fields.len()), (Outcome::Converged, 3));
+    // Less work ends the second pass, or the first one.
+    let mut reached = Vec::new();
+    for seconds in [1.0, 0.5, 0.2] {
+        let request = HistoryRequest {
+            limit: WorkLimit::of_seconds(seconds),
+            ..HistoryRequest::at(times.clone())
+        };
+        let found = solver.history(&odd(ten()), &request).unwrap();
+        if found.outcome == Outcome::WorkLimit {
+            assert_eq!(found.time_error_mm, None);
+            assert_eq!(found.fields.len(), found.kept.len());
+            // The steps of the pass, not those of one that had no work left.
+            assert!(found.instants.len() > 2, "{}", found.instants.len());
+            reached.push(found.fields.len());
+        }
+    }
+    assert!(reached.len() >= 2 && reached.is_sorted_by(|a, b| a >= b), "{reached:?}");
+    assert!(reached[0] >= 1, "{reached:?}");
+}
+
+#[test]
 fn viscous_motion_comes_to_rest_with_its_energy_in_balance() {
     for law in LAWS {
         let scene = scene(&format!(
