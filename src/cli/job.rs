@@ -73,6 +73,11 @@ impl<'a> Job<'a> {
         }
     }
 
+    /// Counts the time from an earlier start.
+    pub fn since(self, start: Instant) -> Self {
+        Self { start, ..self }
+    }
+
     /// Writes the files and prints the report.
     ///
     /// # Errors

@@ -59,6 +59,8 @@ pub struct SampleResult {
     pub accuracy: Option<AccuracyResult>,
     /// The fraction of the membrane that would wrinkle, if cells were evaluated.
     pub wrinkled_fraction: Option<f64>,
+    /// Whether it was checked if a finer mesh could find no stable solution.
+    pub is_checked: bool,
     /// Set if a finer mesh could find no stable solution: the critical voltage, if it was found.
     pub near_limit: Option<Option<CriticalVoltage>>,
     /// The critical voltage, if it was searched for.
@@ -101,6 +103,7 @@ impl SampleResult {
             along_mm: None,
             accuracy: None,
             wrinkled_fraction: None,
+            is_checked: true,
             near_limit: None,
             critical: None,
             breakdown_ratio: None,
@@ -398,7 +401,8 @@ pub fn document(results: &[SampleResult], patterns: usize, probe: Option<&Probe>
             "elements_per_cell": result.accuracy.map(|accuracy| accuracy.mesh.elements_per_cell()),
             "order": result.accuracy.map(|accuracy| accuracy.mesh.order().degree()),
             "outcome": result.outcome,
-            "near_limit": (result.outcome == OutcomeKind::Converged).then_some(result.near_limit.is_some()),
+            "near_limit": (result.is_checked && result.outcome == OutcomeKind::Converged)
+                .then_some(result.near_limit.is_some()),
             "max_displacement_mm": result.peak.map(|peak| peak.mm),
             "at_mm": result.peak.and_then(|peak| peak.at_mm),
             "file": Some(&result.file).filter(|file| !file.is_empty()),

@@ -84,6 +84,10 @@ pub struct SolveArguments {
         help_heading = METHOD
     )]
     pub tolerance: Option<f64>,
+    /// Skip the checks after the solution, which can take longer than the solution: whether a finer mesh could find no
+    /// stable solution, and how much neglected effects would change the displacement
+    #[arg(long, conflicts_with_all = ["path", "history", "modes", "response"], help_heading = METHOD)]
+    pub no_checks: bool,
     #[command(flatten)]
     pub time: TimeArguments,
     /// Also write stretches, electric field, stresses and tension state of every cell

@@ -102,7 +102,7 @@ const NO_PRESTRESS: f64 = 1e-9;
 const MAX_LOAD_STEPS: u32 = 200;
 
 /// First step of a search between two loads, in units of their difference.
-const FIRST_STEP: f64 = 0.5;
+pub(super) const FIRST_STEP: f64 = 0.5;
 
 /// Range of a load stepping, as shares of the full load.
 #[derive(Clone, Copy, Debug)]

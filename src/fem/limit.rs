@@ -2,11 +2,11 @@
 
 use std::sync::OnceLock;
 
-use deaflow_field::{Mesh, Order};
+use deaflow_field::{MESH_OVERESTIMATE, Mesh, Order};
 use deaflow_pattern::Pattern;
 use deaflow_scene::{Effects, Scene};
 
-use super::continuation::LoadingEnd;
+use super::continuation::{FIRST_STEP, LoadRange, LoadingEnd};
 use super::critical::{CriticalVoltage, MeshLimit};
 use super::effects::{Model, StableRange, WithMaterial};
 use super::error::SetupError;
@@ -160,14 +160,14 @@ impl CriticalSearch {
     /// mesh.
     #[must_use]
     pub fn is_certainly_stable(&self, pattern: &Pattern) -> bool {
-        matches!(self.check(pattern), StabilityCheck::Stable)
+        matches!(self.check(pattern, CoarseLimit::IfFineHasOne), StabilityCheck::Stable)
     }
 
     /// Returns the critical voltage of a pattern that may be unstable on a finer mesh at the voltage of the scene:
     /// `Some(None)` if it was not found, `None` if the pattern [is stable](CriticalSearch::is_certainly_stable).
     #[must_use]
     pub fn uncertain_limit(&self, pattern: &Pattern) -> Option<Option<CriticalVoltage>> {
-        match self.check(pattern) {
+        match self.check(pattern, CoarseLimit::First) {
             StabilityCheck::Stable => None,
             StabilityCheck::OnCoarse(voltage) => Some(Some(self.refine(pattern, voltage))),
             StabilityCheck::OnFine(fine) => Some(Some(CriticalVoltage::new(fine, None))),
@@ -176,7 +176,7 @@ impl CriticalSearch {
         }
     }
 
-    fn check(&self, pattern: &Pattern) -> StabilityCheck {
+    fn check(&self, pattern: &Pattern, order: CoarseLimit) -> StabilityCheck {
         let solution = self.coarse.solve(pattern);
         if !solution.outcome.is_converged() {
             return match solution.stable_range(self.coarse.mesh()) {
@@ -188,6 +188,18 @@ impl CriticalSearch {
             return StabilityCheck::Stable;
         }
         let voltage = self.coarse.scene.voltage_v();
+        let on_coarse = match order {
+            CoarseLimit::IfFineHasOne => None,
+            // No critical voltage is further below that of the coarser mesh.
+            CoarseLimit::First => match self
+                .coarse
+                .search_from(pattern, &solution, voltage / (1.0 - MESH_OVERESTIMATE))
+            {
+                LimitSearch::NoLoss => return StabilityCheck::Stable,
+                LimitSearch::Limit(found) => Some(found),
+                LimitSearch::Nothing => None,
+            },
+        };
         match self
             .fine()
             .map(|fine| fine.search(pattern, [voltage, FINE_MARGIN * voltage]))
@@ -195,7 +207,8 @@ impl CriticalSearch {
             Some(LimitSearch::NoLoss) => StabilityCheck::Stable,
             Some(LimitSearch::Nothing) | None => StabilityCheck::Unknown,
             Some(LimitSearch::Limit(fine)) => {
-                let Some(coarse) = self.coarse.limit_between(pattern, search_range(fine.voltage)) else {
+                let search = || self.coarse.limit_between(pattern, search_range(fine.voltage));
+                let Some(coarse) = on_coarse.or_else(search) else {
                     return StabilityCheck::OnFine(fine);
                 };
                 let found = CriticalVoltage::new(coarse, Some(fine));
@@ -262,6 +275,23 @@ impl MembraneSolver {
             activity: &model.activity(&self.grid, pattern),
             expected: expected.map(|expected| (expected / voltage).powi(2)),
         });
+        self.found(ending, voltage)
+    }
+
+    /// Searches from a stable solution at the voltage of the scene up to a higher one in V.
+    fn search_from(&self, pattern: &Pattern, solution: &MeshSolution, highest: f64) -> LimitSearch {
+        let voltage = self.scene.voltage_v();
+        let ending = self.model.with(SearchFrom {
+            solver: self,
+            activity: &self.model.activity(&self.grid, pattern),
+            start: &solution.displacement,
+            highest: (highest / voltage).powi(2),
+        });
+        self.found(ending, voltage)
+    }
+
+    /// Converts the end of a search; `voltage` in V belongs to the full load.
+    fn found(&self, ending: LoadingEnd, voltage: f64) -> LimitSearch {
         match ending {
             LoadingEnd::Stable => LimitSearch::NoLoss,
             LoadingEnd::Unknown { .. } | LoadingEnd::WorkLimit { .. } => LimitSearch::Nothing,
@@ -292,6 +322,15 @@ impl WithMaterial for IsLoadFar {
         let full = material(1.0);
         !full.wrinkles() && full.load() < FAR_LOAD * 0.5 * full.largest_load()
     }
+}
+
+/// When a check searches for the critical voltage on the coarser mesh.
+#[derive(Clone, Copy)]
+enum CoarseLimit {
+    /// Before it searches on the finer mesh, which takes several times as long and is not needed far above.
+    First,
+    /// Only if there is one on the finer mesh.
+    IfFineHasOne,
 }
 
 /// Stability of a pattern at the voltage of a scene.
@@ -332,6 +371,32 @@ impl WithMaterial for IsClear<'_> {
         let laplacian = &self.solver.laplacian;
         let mut workspace = Workspace::new(self.u.len(), laplacian);
         probe(&operator, laplacian, CLEAR_EIGENVALUE, self.u, &mut workspace) == krylov::KrylovEnd::Converged
+    }
+}
+
+struct SearchFrom<'a> {
+    solver: &'a MembraneSolver,
+    activity: &'a Activity,
+    /// The stable state at the full load.
+    start: &'a [f64],
+    /// Share of the full load at which the search ends.
+    highest: f64,
+}
+
+impl WithMaterial for SearchFrom<'_> {
+    type Output = LoadingEnd;
+
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> LoadingEnd {
+        let mut u = self.start.to_vec();
+        let mut workspace = Workspace::new(u.len(), &self.solver.laplacian);
+        workspace.begin(self.solver.limit);
+        let range = LoadRange {
+            from: 1.0,
+            to: self.highest,
+            step: FIRST_STEP * (self.highest - 1.0),
+        };
+        let problem = self.solver.problem(self.activity, material);
+        problem.raise_load(range, &mut u, &mut workspace).ending
     }
 }
 

@@ -346,6 +346,34 @@ fn a_solution_that_a_finer_mesh_could_refuse_is_named() {
 }
 
 #[test]
+fn checks_after_a_solution_can_be_skipped() {
+    let workspace = workspace("6.05 kV");
+    workspace.write("scene.yaml", &SCENE.replace("VOLTAGE", "6.05 kV"));
+    workspace.write("cell.csv", &csv(|x, y| (x, y) == (25, 25)));
+    let solve = |more: &[&str]| workspace.run(&[&["solve", "scene.yaml", "cell.csv"], more].concat());
+    let checked = solve(&["--json"]).json();
+    let ended = solve(&["--no-checks", "--json"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let skipped = ended.json();
+    assert_eq!((&checked["checks"], &skipped["checks"]), (&true.into(), &false.into()));
+    let near = |document: &serde_json::Value| document["patterns"][0]["near_limit"].clone();
+    assert_eq!((near(&checked), near(&skipped)), (true.into(), serde_json::Value::Null));
+    assert!(skipped["near_limit"].as_array().unwrap().is_empty());
+    assert_eq!(skipped["max_displacement_mm"], checked["max_displacement_mm"]);
+    let warnings = |document: &serde_json::Value| document["warnings"].as_array().unwrap().len();
+    assert_eq!((warnings(&checked) > 0, warnings(&skipped)), (true, 0));
+    let text = solve(&["--no-checks"]).stdout;
+    assert!(
+        text.contains("not checked, because of --no-checks: whether a finer mesh"),
+        "{text}"
+    );
+    assert!(!text.contains("near the limit") && !text.contains("fringe"), "{text}");
+    for form in [&["--path"][..], &["--history", "--at", "1 s"], &["--modes", "2"]] {
+        assert_eq!(solve(&[&["--no-checks", "-o", "o.h5"], form].concat()).code, Some(2));
+    }
+}
+
+#[test]
 fn a_number_without_a_unit_is_warned_of_once_with_how_it_was_read() {
     let workspace = workspace("5 kV");
     workspace.write("scene.yaml", &SCENE.replace("VOLTAGE", "5.25"));

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use rayon::prelude::*;
+use serde_json::json;
 
 use super::simulation::{Form, Simulation, States};
 use super::{SolveArguments, cells};
@@ -33,6 +34,10 @@ const BILINEAR: &str =
 
 /// A note on critical voltages of other elements.
 const ONE_MESH: &str = "critical voltages of a single mesh are slightly too high: --path estimates their error";
+
+/// What `--no-checks` leaves open.
+const NOT_CHECKED: &str = "not checked, because of --no-checks: whether a finer mesh finds a stable solution, and how much \
+                           neglected effects would change the displacement";
 
 /// What warnings call a pattern.
 const NAME: &str = "pattern";
@@ -66,6 +71,11 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     let arrays = content(&simulation, &runs, probe, &warnings).in_states(&states);
     let mut report = text(&results, arguments.patterns.output.as_deref(), probe.as_ref());
     report.append(remarks(&results, critical_note(&runs, &results, &parameters)));
+    if arguments.no_checks {
+        report.line(NOT_CHECKED);
+    }
+    let mut found = document(&results, simulation.patterns.len(), probe.as_ref());
+    found["checks"] = json!(!arguments.no_checks);
     let is_unstable = results.iter().any(|result| result.failure.is_some());
     let result = JobResult {
         patterns: simulation.patterns.len(),
@@ -73,7 +83,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
         parameters: simulation.parameters(""),
         attachments: None,
         warnings,
-        document: document(&results, simulation.patterns.len(), probe.as_ref()),
+        document: found,
         text: report,
         exit: if is_unstable { Exit::Unstable } else { Exit::Done },
     };
@@ -121,8 +131,19 @@ impl StateRun {
             seconds.extend(seconds_each(start, batch.len()));
             simulation.job.bar.advance(batch.len() as u64);
         }
-        let near_limit = near_limit(&scene, patterns, &solutions, parameters)?;
-        let screened = screened(&scene, patterns, &solutions, parameters)?;
+        let (near_limit, screened) = match simulation.arguments.no_checks {
+            true => (
+                vec![None; patterns.len()],
+                screened(&scene, patterns, &solutions, (&[], parameters))?,
+            ),
+            false => {
+                let tests = TestPattern::some_of(patterns, NAME);
+                (
+                    near_limit(&scene, patterns, &solutions, parameters)?,
+                    screened(&scene, patterns, &solutions, (&tests, parameters))?,
+                )
+            }
+        };
         Ok(Self {
             state,
             screened,
@@ -189,6 +210,7 @@ fn results(
                 .cells
                 .get(index)
                 .and_then(|cells| Some(wrinkled_fraction(cells.as_deref()?))),
+            is_checked: !simulation.arguments.no_checks,
             near_limit: run.near_limit[index],
             breakdown_ratio: solution.observation.breakdown_ratio.filter(|_| is_observed),
             critical: is_searched.then_some(CriticalBracket {
@@ -274,24 +296,23 @@ fn content(simulation: &Simulation<'_>, runs: &[StateRun], probe: Option<Probe>,
     }
 }
 
-/// Screens a scene for effects that the solutions neglect.
+/// Screens a scene for effects that the solutions neglect; without tests by the scene and these solutions alone.
 fn screened(
     scene: &Scene,
     patterns: &[Pattern],
     solutions: &[AccurateSimulation],
-    parameters: &SolverParameters,
+    (tests, parameters): (&[TestPattern], &SolverParameters),
 ) -> Result<ScreenedScene, SetupError> {
-    let tests = TestPattern::some_of(patterns, NAME);
     let limit = parameters.work_limit();
     // An estimate has no outcome that tells the stability.
     if parameters.method() != Method::Newton {
-        return ScreenedScene::for_patterns(scene, &tests, limit);
+        return ScreenedScene::for_patterns(scene, tests, limit);
     }
     let solved = patterns.iter().zip(solutions).enumerate();
     let solved: Vec<Examined> = solved
         .map(|(at, (pattern, solution))| examined(&format!("{NAME} {at}"), scene, pattern, &solution.simulation))
         .collect();
-    ScreenedScene::for_solutions(scene, &tests, &solved, limit)
+    ScreenedScene::for_solutions(scene, tests, &solved, limit)
 }
 
 /// Finds the stable solutions that a finer mesh could reject, with their critical voltages.

@@ -57,6 +57,7 @@ impl<'a> Simulation<'a> {
     /// # Errors
     /// When a file would be overwritten that is read, or the scene or a pattern cannot be used.
     pub fn read(arguments: &'a SolveArguments, form: &Form) -> Result<Self, CliError> {
+        let start = Instant::now();
         if form.has_attachments {
             check_attachments(arguments)?;
         }
@@ -79,7 +80,7 @@ impl<'a> Simulation<'a> {
             States::Drive | States::Chosen(_) => 1,
         };
         let steps = patterns.len() * states;
-        let job = Job::start("solve", arguments.patterns.output.as_deref(), form.name, steps);
+        let job = Job::start("solve", arguments.patterns.output.as_deref(), form.name, steps).since(start);
         Ok(Self {
             arguments,
             scene,

@@ -47,6 +47,26 @@ fn curve(width: f64, seed: u64) -> Pattern {
     })
 }
 
+#[test]
+fn a_search_on_the_coarser_mesh_first_finds_the_same_patterns_in_question() {
+    let one_cell = Pattern::from_fn(Raster::PAPER, |x, y| (x, y) == (25, 25));
+    let half = Pattern::from_fn(Raster::PAPER, |x, _| x < 25);
+    // The cell is lost at 6.02 kV, half a membrane at 7.4 kV.
+    for (pattern, volts, in_question) in [
+        (&one_cell, 5_200.0, false),
+        (&one_cell, 5_800.0, false),
+        (&one_cell, 6_050.0, true),
+        (&half, 6_300.0, false),
+        (&half, 7_500.0, true),
+    ] {
+        let scene = Scene::vhb4910().at_voltage(volts);
+        let search = CriticalSearch::for_solutions_on(&scene, SolveOptions::default()).unwrap();
+        let found = search.uncertain_limit(pattern);
+        assert_eq!(found.is_some(), in_question, "{volts} V: {found:?}");
+        assert_eq!(search.is_certainly_stable(pattern), !in_question, "{volts} V");
+    }
+}
+
 fn patterns() -> Vec<(&'static str, Pattern)> {
     let of = |active: fn(usize, usize) -> bool| Pattern::from_fn(Raster::PAPER, active);
     vec![
