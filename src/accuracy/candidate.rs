@@ -7,7 +7,8 @@ use super::network::Network;
 use deaflow_base::{Canonical, Dimension, Fields, InputError, Node, NodeValue, Parameter, Quantity, Schema, Time};
 use deaflow_fem::screening::resolve;
 use deaflow_fem::{
-    MeshRequest, Method, SolverParameters, StepEstimate, StepEstimates, ThreeSolves, creep_settings, history_check,
+    AccurateSolver, MeshRequest, Method, SolverParameters, StepEstimate, StepEstimates, ThreeSolves, creep_settings,
+    history_check,
 };
 use deaflow_field::{Evaluator, Mesh};
 use deaflow_scene::Scene;
@@ -177,8 +178,23 @@ impl Candidate {
                 own.order() <= finest.order()
                     && (own.elements_per_cell() < finest.elements_per_cell() || own.order() < finest.order())
             }
-            _ => true,
+            _ => match (parameters.accuracy(), reference.accuracy()) {
+                (Some(own), Some(finest)) => own.value() > finest.value(),
+                _ => true,
+            },
         }
+    }
+
+    /// Returns whether its accuracy may need a finer mesh than that of the reference. The error of the reference is
+    /// known only once it has been solved.
+    pub(super) fn may_be_finer_than(&self, reference: &SolverParameters) -> bool {
+        let (Self::Elements(parameters) | Self::InTime(_, parameters)) = self else {
+            return false;
+        };
+        let finest = AccurateSolver::finest_mesh();
+        let is_coarser =
+            |mesh: Mesh| mesh.order() < finest.order() || mesh.elements_per_cell() < finest.elements_per_cell();
+        parameters.accuracy().is_some() && reference.mesh().is_some_and(is_coarser)
     }
 
     /// Checks whether the method can be used in a scene, without setting it up; `time` is that of the reference, if it

@@ -10,7 +10,7 @@ use super::candidate::Candidate;
 use super::error::AccuracyError;
 use deaflow_base::{Document, InputError, Node, Progress};
 use deaflow_fem::screening::resolve;
-use deaflow_fem::{AccurateSimulation, Method, SetupError, SolverParameters, history_check};
+use deaflow_fem::{AccurateSimulation, AccurateSolver, Method, SetupError, SolverParameters, history_check};
 use deaflow_field::{Field, Mesh, Order};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
@@ -66,6 +66,20 @@ impl Reference {
                 reference: self.0.to_string(),
             }),
         }
+    }
+
+    /// Returns a warning if the accuracy of a method may need a finer mesh than that of the reference.
+    #[must_use]
+    pub fn warning<'a>(&self, candidates: impl IntoIterator<Item = &'a Candidate>) -> Option<String> {
+        let mut candidates = candidates.into_iter();
+        let finer = candidates.find(|candidate| candidate.may_be_finer_than(&self.0))?;
+        Some(format!(
+            "{{ {} }} may need a finer mesh than the reference {{ {} }}, whose error is then what is measured: use a \
+             reference with {} elements per cell of order 2",
+            finer.settings(),
+            self.0,
+            AccurateSolver::finest_mesh().elements_per_cell()
+        ))
     }
 
     /// Checks whether the reference can be solved in a scene, without setting up the solver.

@@ -2,7 +2,7 @@
 
 use super::constraint::ConstraintParameters;
 use super::objective::{ResponseKind, Subject};
-use super::options::SearchOptions;
+use super::options::{Method, SearchOptions};
 use super::planned::PlannedDesign;
 use super::target::{CaseLabel, Target, Targets};
 use deaflow_base::{InputError, Map, Node};
@@ -54,7 +54,8 @@ impl DesignTask {
         planned.collect()
     }
 
-    /// Refuses points on a frame, and areas that the constraints exclude.
+    /// Refuses points on a frame, areas that the constraints exclude, and distances that designs of the area cannot
+    /// have.
     ///
     /// # Errors
     /// If a target cannot be reached for one of these reasons.
@@ -68,10 +69,46 @@ impl DesignTask {
         for target in &self.targets {
             refuse_points_on_frame(target, scene, node)?;
         }
+        refuse_no_area(&self.targets, map, stage)?;
         let node = map.optional("area").or(map.optional("constraints")).unwrap_or(stage);
         let tolerance = options.area_tolerance.to_f64();
         let mut areas = self.targets.iter().filter_map(|target| target.area.fraction());
-        areas.try_for_each(|area| self.constraints.check_area(node, area, tolerance))
+        areas.try_for_each(|area| self.constraints.check_area(node, area, tolerance))?;
+        self.check_distance(
+            options,
+            map.optional("distance").or(map.optional("designs")).unwrap_or(stage),
+        )
+    }
+
+    /// Refuses several designs of gradient search that differ in more cells than two patterns of the area can.
+    fn check_distance(&self, options: &SearchOptions, node: &Node) -> Result<(), InputError> {
+        if options.method != Method::Adjoint || options.designs < 2 {
+            return Ok(());
+        }
+        let (distance, tolerance) = (options.distance.to_f64(), options.area_tolerance.to_f64());
+        let constraints = self.constraints.constraints();
+        let share = constraints.free_count() as f64 / constraints.membrane().raster.cells() as f64;
+        for target in &self.targets {
+            let Some(area) = target.area.fraction() else { continue };
+            // Cells without electrodes in both patterns do not differ, and with one group neither do those with
+            // electrodes in both.
+            let active = 2.0 * (area + tolerance);
+            let largest = match constraints.groups() {
+                1 => active.min(2.0 * (1.0 - area + tolerance)),
+                _ => active,
+            };
+            let largest = share * largest.min(1.0);
+            if distance > largest + 1e-9 {
+                return Err(node
+                    .error(format!(
+                        "`distance: {}` is not possible: two patterns of area {} within {} differ in at most \
+                         {largest:.4} of the cells",
+                        options.distance, target.area, options.area_tolerance
+                    ))
+                    .help("reduce `distance`, or use `designs: 1`"));
+            }
+        }
+        Ok(())
     }
 
     /// The parts of the scene on which the designs depend. In addition to those that are simulated, a breakdown margin
@@ -103,6 +140,20 @@ fn read_constraints(node: &Node, scene: &Scene) -> Result<ConstraintParameters, 
             .help("add `dielectric_breakdown` to the scene's `properties`"));
     }
     Ok(constraints)
+}
+
+/// Refuses targets without area.
+fn refuse_no_area(targets: &[Target], map: &Map<'_>, stage: &Node) -> Result<(), InputError> {
+    let Some(number) = targets.iter().position(|target| target.area.fraction() == Some(0.0)) else {
+        return Ok(());
+    };
+    let items = map.optional("targets").and_then(|list| list.list("targets").ok());
+    let own = items.and_then(|items| items.get(number)?.peek("area"));
+    Err(own
+        .or(map.optional("area"))
+        .unwrap_or(stage)
+        .error("`area` is 0, and a design needs electrodes")
+        .help("allowed: an area fraction above 0, or `free`"))
 }
 
 /// Refuses a target with a point on a frame, which does not move.

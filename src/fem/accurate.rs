@@ -70,6 +70,13 @@ pub struct AccurateSolver {
 }
 
 impl AccurateSolver {
+    /// Returns the finest mesh that an accuracy can choose.
+    #[must_use]
+    pub fn finest_mesh() -> Mesh {
+        let [.., (finest, _)] = MESHES;
+        finest
+    }
+
     /// Creates a solver for a scene, an accuracy in mm and a relative residual.
     ///
     /// # Errors

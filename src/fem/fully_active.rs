@@ -9,7 +9,7 @@ use super::effects::{Model, WithMaterial};
 use super::error::SetupError;
 use super::material::Material;
 use super::sheet::Sheet;
-use deaflow_scene::Scene;
+use deaflow_scene::{Effects, Scene};
 
 /// Lowest critical voltage of all patterns relative to that voltage: a single cell, at 0.29 to 0.30 of the load.
 pub const FIRST_UNSTABLE: f64 = 0.54;
@@ -64,6 +64,33 @@ pub fn fully_active_limit(scene: &Scene, reach: f64) -> Result<Option<f64>, Setu
     };
     let share = Model::new(scene)?.with(lost);
     Ok(share.map(|share| voltage * share.sqrt()))
+}
+
+/// Returns a voltage in V at which no pattern is stable, if it is below `reach` times the voltage of the scene: that of
+/// a fully active membrane. `None` also for scenes in which other patterns might be stable at a higher voltage.
+///
+/// Along a stable path from rest ∫J² over the electrodes grows with the voltage, so they have a point with J ≥ J₀, the
+/// area stretch at rest. A neo-Hookean membrane is strongly elliptic at a point as long as εE² < μ/σ² + 3μ/J⁴, where the
+/// larger stretch σ has σ² ≥ J and E is the field per undeformed thickness. At that point the bound is at most μ/J₀ +
+/// 3μ/J₀⁴, which is the bound of the fully active membrane with equal prestretches.
+///
+/// # Errors
+/// If the effects of the scene cannot be simulated.
+pub fn no_pattern_limit(scene: &Scene, reach: f64) -> Result<Option<f64>, SetupError> {
+    let drive = &scene.drive;
+    let changes_in_time = drive.waveform.is_some() || drive.source.is_some();
+    let [along, across] = scene.prestretch();
+    // These effects only compare and report.
+    let effects = Effects {
+        dielectric_breakdown: None,
+        electromechanical_stability: None,
+        ..scene.effects.clone()
+    };
+    let is_base_model = effects.is_empty() && !scene.auto && !scene.geometry.has_forces();
+    match is_base_model && along == across && !changes_in_time {
+        true => fully_active_limit(scene, reach),
+        false => Ok(None),
+    }
 }
 
 #[cfg(test)]

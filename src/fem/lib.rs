@@ -73,7 +73,7 @@ pub use error::SetupError;
 pub use evaluator::{
     CellStates, MeshRequest, Method, Solver, SolverParameters, UnknownMethod, check_leads, revision_of,
 };
-pub use fully_active::{FIRST_UNSTABLE, MOST_UNSTABLE, fully_active_limit};
+pub use fully_active::{FIRST_UNSTABLE, MOST_UNSTABLE, fully_active_limit, no_pattern_limit};
 pub use gradient_evaluator::GradientEvaluator;
 pub use limit::CriticalSearch;
 pub use margin::StabilityReport;

@@ -202,13 +202,17 @@ pub trait Stage: Send + Sync {
         false
     }
 
-    /// Checks the kinds and digests of its inputs before any work. The digest of an input that has not been built is
-    /// not known.
+    /// Checks its inputs before any work: their kinds and digests, and what `open` opens, which is `None` if it is not
+    /// in the store. The digest of an input that has not been built is not known.
     ///
     /// # Errors
     /// If the stage would certainly fail, with the position of the reason in the pipeline.
-    fn check_inputs(&self, inputs: &[(&'static str, Option<ArtifactId>)]) -> Result<(), InputError> {
-        let _ = inputs;
+    fn check_inputs(
+        &self,
+        inputs: &[(&'static str, Option<ArtifactId>)],
+        open: &dyn Fn(&ArtifactId) -> Option<Artifact>,
+    ) -> Result<(), InputError> {
+        let _ = (inputs, open);
         Ok(())
     }
 

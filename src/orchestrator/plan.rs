@@ -30,7 +30,7 @@ pub fn plan(
     let selection = pipeline.selection(until)?;
     let planner = Planner::new(pipeline, store);
     let statuses = planner.statuses(&selection)?;
-    check_inputs(pipeline, &selection, &statuses)?;
+    check_inputs(pipeline, store, &selection, &statuses)?;
     let prices = cost_estimate::prices(pipeline, &selection, &statuses, store, environment)?;
     let mut reports = Vec::with_capacity(selection.len());
     for ((&index, status), price) in selection.iter().zip(&statuses).zip(prices) {
@@ -75,13 +75,23 @@ pub fn plan_document(pipeline: &Pipeline, store: &Path, stages: &[StageReport], 
 ///
 /// # Errors
 /// If one of them would certainly fail, with the position of the reason.
-pub fn check_inputs(pipeline: &Pipeline, selection: &[usize], statuses: &[StageStatus]) -> Result<(), InputError> {
+pub fn check_inputs(
+    pipeline: &Pipeline,
+    store: &Store,
+    selection: &[usize],
+    statuses: &[StageStatus],
+) -> Result<(), InputError> {
+    // What is in an upstream store only is not downloaded for a check.
+    let open = |digest: &ArtifactId| match store.has(digest) {
+        true => store.artifact(digest).ok(),
+        false => None,
+    };
     let stale = selection.iter().zip(statuses).filter(|(_, status)| status.is_stale());
     for (&index, _) in stale {
         let spec = &pipeline.stages[index];
         let kinds = spec.needs.iter().map(|&need| pipeline.stages[need].kind.name());
         let known: Vec<_> = kinds.zip(digests_of(spec, selection, statuses)).collect();
-        spec.stage.check_inputs(&known)?;
+        spec.stage.check_inputs(&known, &open)?;
     }
     Ok(())
 }

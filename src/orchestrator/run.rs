@@ -94,7 +94,7 @@ pub fn run(
     }
     let planner = Planner::beside_others(pipeline, store);
     let statuses = planner.statuses(&selection)?;
-    plan::check_inputs(pipeline, &selection, &statuses)?;
+    plan::check_inputs(pipeline, store, &selection, &statuses)?;
     let prices = cost_estimate::prices(pipeline, &selection, &statuses, store, environment)?;
     let prices: Vec<Option<Price>> = prices.into_iter().map(|(price, _)| price).collect();
     listener(&started(pipeline, &statuses, &prices));

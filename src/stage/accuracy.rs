@@ -75,7 +75,10 @@ impl Kind for AccuracyKind {
             .check(&candidates)
             .map_err(|why| methods.unwrap_or(named).error(why.to_string()))?;
         needed::one_state(stage, needs)?;
-        Ok(StageCheck::default())
+        Ok(StageCheck {
+            warnings: checked.warning(&candidates).into_iter().collect(),
+            ..StageCheck::default()
+        })
     }
 
     fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {

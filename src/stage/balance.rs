@@ -51,6 +51,7 @@ impl Kind for BalanceKind {
         without::check(stage, needs)?;
         needed::one_state(stage, needs)?;
         needed::one_scene(stage, needs)?;
+        check_range(stage, needs)?;
         Ok(StageCheck::default())
     }
 
@@ -130,9 +131,13 @@ impl Stage for BalanceStage {
         Plan::Whole { steps: 1 }
     }
 
-    fn check_inputs(&self, inputs: &[(&'static str, Option<ArtifactId>)]) -> Result<(), InputError> {
+    fn check_inputs(
+        &self,
+        inputs: &[(&'static str, Option<ArtifactId>)],
+        open: &dyn Fn(&ArtifactId) -> Option<Artifact>,
+    ) -> Result<(), InputError> {
         let without = self.parameters.without.as_ref();
-        without.map_or(Ok(()), |without| without.check_inputs(inputs))
+        without.map_or(Ok(()), |without| without.check_inputs(inputs, open))
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
@@ -191,6 +196,25 @@ impl Stage for BalanceStage {
         job.progress.advance(1);
         Ok(content)
     }
+}
+
+/// Refuses a range that no displacement reaches: points of a membrane stay inside its frame.
+fn check_range(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
+    let (Some(node), Some(scene)) = (stage.node.peek("range"), needed::scene_of(needs)) else {
+        return Ok(());
+    };
+    let parameters = BalanceParameters::read_with(stage.node, &["kind", "needs"])?;
+    let [width, height] = scene.membrane().size_mm;
+    let (low, largest) = (parameters.range[0], width.hypot(height));
+    if low.value() < largest {
+        return Ok(());
+    }
+    Err(node
+        .error(format!(
+            "`range` starts at {low}, and no point of a membrane of {width} × {height} mm can move by more than \
+             {largest:.4} mm"
+        ))
+        .help("lower the `range`, or check its unit"))
 }
 
 /// Says why there is nothing to train on; `undecided` of the samples reached the work limit.

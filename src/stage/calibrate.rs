@@ -1,6 +1,7 @@
 //! `kind: calibrate` computes prediction intervals of a model from labelled patterns that it was not trained on.
 
 mod content;
+mod enough;
 
 use std::collections::BTreeSet;
 
@@ -68,7 +69,10 @@ impl Kind for CalibrateKind {
             ));
         }
         needed::unseen(stage, needs)?;
-        Ok(StageCheck::default())
+        Ok(StageCheck {
+            warnings: enough::check(stage, needs)?,
+            ..StageCheck::default()
+        })
     }
 
     fn schema(&self) -> Vec<Fields> {
@@ -118,9 +122,13 @@ impl Stage for CalibrateStage {
         self.to_canonical()
     }
 
-    fn check_inputs(&self, inputs: &[(&'static str, Option<ArtifactId>)]) -> Result<(), InputError> {
+    fn check_inputs(
+        &self,
+        inputs: &[(&'static str, Option<ArtifactId>)],
+        open: &dyn Fn(&ArtifactId) -> Option<Artifact>,
+    ) -> Result<(), InputError> {
         let without = self.without.as_ref();
-        without.map_or(Ok(()), |without| without.check_inputs(inputs))
+        without.map_or(Ok(()), |without| without.check_inputs(inputs, open))
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {

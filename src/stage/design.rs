@@ -25,7 +25,7 @@ use deaflow_design::{
     SearchOptions, Target, Targets,
 };
 use deaflow_fem::effects::breakdown_ratio_at_rest;
-use deaflow_fem::{Method as Evaluation, Swing, ThreeSolves, revision_of};
+use deaflow_fem::{Method as Evaluation, Swing, ThreeSolves, no_pattern_limit, revision_of};
 use deaflow_orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_pattern::Symmetries;
 use deaflow_scene::{MOST_STATES, Scene};
@@ -184,6 +184,7 @@ impl Kind for DesignKind {
         let task = DesignTask::read((targets, &options), (&map, stage), &scene)?;
         task.check(&options, (&map, stage), &scene)?;
         check_breakdown_margin(&task, &scene, map.optional("constraints").unwrap_or(stage))?;
+        check_pull_in_margin(&task, &scene, map.optional("constraints").unwrap_or(stage))?;
         for target in &task.targets {
             let node = map.optional("objective").unwrap_or(stage);
             check_response(target, &scene, node)?;
@@ -361,6 +362,34 @@ fn check_breakdown_margin(task: &DesignTask, scene: &Scene, node: &Node) -> Resu
             volts / 1e3
         ))
         .help("lower the margin or the voltage, or use a thicker membrane"))
+}
+
+/// Refuses a margin from pull-in that no pattern can reach.
+fn check_pull_in_margin(task: &DesignTask, scene: &Scene, node: &Node) -> Result<(), InputError> {
+    let Some(margin) = task.constraints.constraints().limits().pull_in_margin else {
+        return Ok(());
+    };
+    if scene.drive.charge.is_some() {
+        return Ok(());
+    }
+    // A pattern may use only the group with the lowest voltage.
+    let states = scene.in_states();
+    let all = states.iter().flat_map(|(_, scene)| scene.drive.voltages.in_volts());
+    let Some(volts) = all.filter(|volts| *volts > 0.0).reduce(f64::min) else {
+        return Ok(());
+    };
+    let Ok(Some(limit)) = no_pattern_limit(&scene.at_voltage(volts), margin) else {
+        return Ok(());
+    };
+    let at = node.peek("pull_in_margin").unwrap_or(node);
+    Err(at
+        .error(format!(
+            "`pull_in_margin: {margin}` cannot be reached: no pattern is stable at {:.4} kV, {:.3} times {:.4} kV",
+            limit / 1e3,
+            limit / volts,
+            volts / 1e3
+        ))
+        .help("lower the margin or the voltage, or use a thicker or stiffer membrane"))
 }
 
 /// Refuses networks and estimates: they cannot predict amplitudes.

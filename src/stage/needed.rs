@@ -6,7 +6,7 @@ use std::ptr;
 use super::scene;
 use deaflow_base::{InputError, Node};
 use deaflow_orchestrator::StageDeclaration;
-use deaflow_scene::Difference;
+use deaflow_scene::{Difference, Scene};
 
 /// Returns where `needs` names a stage.
 pub fn named<'a>(stage: &StageDeclaration<'a>, name: &str) -> &'a Node {
@@ -63,18 +63,26 @@ fn simulating<'a>(stage: &StageDeclaration<'a>) -> Option<(&'a Node, StageDeclar
     }
 }
 
+/// Reads the scene of a stage that simulates.
+fn read_of(stage: &StageDeclaration<'_>) -> Option<Scene> {
+    match stage.kind {
+        "verify" => scene::read_all_states(stage.node, stage.scene).ok(),
+        _ => scene::read_in_state(stage.node, stage.scene).ok(),
+    }
+}
+
+/// Returns the scene that the needs of a stage were made with; `None` if none of them simulates.
+pub fn scene_of(needs: &[StageDeclaration<'_>]) -> Option<Scene> {
+    let (_, origin) = needs.iter().find_map(|need| nearest(need, simulating))?;
+    read_of(&origin)
+}
+
 /// Refuses needs of different scenes, as sweeps make them: no network and no calibration is of two scenes.
 ///
 /// # Errors
 /// If two needs, or what they are made from, have different scenes.
 pub fn one_scene(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
-    let read = |stage: &StageDeclaration<'_>| {
-        let scene = match stage.kind {
-            "verify" => scene::read_all_states(stage.node, stage.scene),
-            _ => scene::read_in_state(stage.node, stage.scene),
-        };
-        scene.ok().map(|scene| scene.without_time())
-    };
+    let read = |stage: &StageDeclaration<'_>| read_of(stage).map(|scene| scene.without_time());
     let mut origins = needs
         .iter()
         .filter_map(|need| Some((need.name, nearest(need, simulating)?)));

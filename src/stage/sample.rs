@@ -1,5 +1,6 @@
 //! `kind: sample` draws electrode patterns of one family.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use rayon::prelude::*;
@@ -7,7 +8,7 @@ use rayon::prelude::*;
 use super::results;
 use deaflow_base::{Canonical, DigestWriter, Fields, InputError, Map, Node, Parameter, Seed};
 use deaflow_content::{SampleRows, Samples};
-use deaflow_orchestrator::{Chunk, Input, Job, Kind, Plan, Stage, StageError};
+use deaflow_orchestrator::{Chunk, Input, Job, Kind, Plan, Stage, StageDeclaration, StageError};
 use deaflow_pattern::{Bits, Pattern};
 use deaflow_sample::{Canvas, FAMILIES, Family, FamilyEntry, SampleError, SampleGroup, read_family};
 use deaflow_scene::{Outline, Scene};
@@ -48,14 +49,9 @@ impl Kind for SampleKind {
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        let what = "a sample stage";
-        let canvas = scene
-            .map(Outline::read)
-            .transpose()?
-            .map_or(Canvas::PAPER, |outline| Canvas::of(&outline.membrane));
-        let free = scene.map(Outline::free_cells).transpose()?.flatten();
-        let canvas = canvas.with_free(free.clone());
-        let (map, mut groups) = read_family(FAMILIES, stage, what, &["kind", "seed", "groups"], canvas.clone())?;
+        let what = WHAT;
+        let (canvas, free) = canvas_of(scene)?;
+        let (map, mut groups) = read_family(FAMILIES, stage, what, &OWN_KEYS, canvas.clone())?;
         for group in &mut groups {
             group.parameters.extend(canvas.parameters());
         }
@@ -70,6 +66,32 @@ impl Kind for SampleKind {
             electrodes,
         }))
     }
+}
+
+const WHAT: &str = "a sample stage";
+
+/// The keys beside those of the family.
+const OWN_KEYS: [&str; 3] = ["kind", "seed", "groups"];
+
+/// Returns the canvas of a scene, and the cells that may carry electrodes, if there are frames or bodies.
+fn canvas_of(scene: Option<&Node>) -> Result<(Canvas, Option<Bits>), InputError> {
+    let canvas = scene
+        .map(Outline::read)
+        .transpose()?
+        .map_or(Canvas::PAPER, |outline| Canvas::of(&outline.membrane));
+    let free = scene.map(Outline::free_cells).transpose()?.flatten();
+    Ok((canvas.with_free(free.clone()), free))
+}
+
+/// Returns the number of patterns of each family that a stage will draw; `None` if its mapping is invalid.
+pub fn drawn(stage: &StageDeclaration<'_>) -> Option<BTreeMap<String, u64>> {
+    let (canvas, _) = canvas_of(stage.scene).ok()?;
+    let (_, groups) = read_family(FAMILIES, stage.node, WHAT, &OWN_KEYS, canvas).ok()?;
+    let mut counts = BTreeMap::new();
+    for group in groups {
+        *counts.entry(group.family.name().to_owned()).or_default() += group.count;
+    }
+    Some(counts)
 }
 
 struct SampleStage {

@@ -8,7 +8,9 @@ mod follow;
 use super::results::named;
 use super::without::{self, Dropped, Without};
 use super::{model, needed, scene};
-use deaflow_base::{ArtifactId, Canonical, Decimal, Declared, Fields, InputError, Node, NodeValue, Seed, parameters};
+use deaflow_base::{
+    ArtifactId, Canonical, Decimal, Declared, Fields, InputError, Node, NodeValue, Parameter, Seed, parameters,
+};
 use deaflow_content::{ALL_FAMILIES, Training};
 use deaflow_dataset::SymmetryGroup;
 use deaflow_fem::LinearResponse;
@@ -88,6 +90,7 @@ impl Kind for TrainKind {
             ));
         }
         check_start(stage, needs)?;
+        check_size(stage, needs)?;
         if needed::count(needs, &["train"]) == needed::count(needs, &KIND_OF_NEEDS) {
             let message = "the training has no labels: `needs` names another training only".to_owned();
             return Err(needed::wrong_number(
@@ -205,9 +208,13 @@ impl Stage for TrainStage {
         }
     }
 
-    fn check_inputs(&self, inputs: &[(&'static str, Option<ArtifactId>)]) -> Result<(), InputError> {
+    fn check_inputs(
+        &self,
+        inputs: &[(&'static str, Option<ArtifactId>)],
+        open: &dyn Fn(&ArtifactId) -> Option<Artifact>,
+    ) -> Result<(), InputError> {
         let without = self.parameters.without.as_ref();
-        without.map_or(Ok(()), |without| without.check_inputs(inputs))
+        without.map_or(Ok(()), |without| without.check_inputs(inputs, open))
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
@@ -251,6 +258,15 @@ fn check_start(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> 
             .help(format!("use `network: {other}`, or remove `{name}` from `needs`"))),
         _ => Ok(()),
     }
+}
+
+/// Refuses a network that is too large for the scene of its labels.
+fn check_size(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
+    let (Some(node), Some(scene)) = (stage.node.peek("network"), needed::scene_of(needs)) else {
+        return Ok(());
+    };
+    let network = NetworkKind::read(node, "network", &())?;
+    network.check(&scene).map_err(|why| node.error(why))
 }
 
 /// Returns the weights of the training to start from, if any.

@@ -97,6 +97,23 @@ impl MarkedRows {
         self.item.error(message).help(help)
     }
 
+    /// Refuses the last row of the list if the dataset has fewer rows.
+    fn check_row(&self, row: u64, rows: usize) -> Result<(), InputError> {
+        if row < rows as u64 {
+            return Ok(());
+        }
+        let file = self.item.text(WITHOUT).unwrap_or_default();
+        let message = format!(
+            "the file {file} lists row {row} of the dataset {}, which has {rows} rows",
+            self.dataset.short()
+        );
+        let help = match rows {
+            0 => "remove the file from `without`".to_owned(),
+            rows => format!("allowed: rows 0 to {}", rows - 1),
+        };
+        Err(self.item.error(message).help(help))
+    }
+
     fn canonical(&self) -> Canonical {
         let rows: Vec<String> = self.rows.iter().map(u64::to_string).collect();
         Canonical::map([
@@ -148,19 +165,31 @@ impl Parameter for Without {
 }
 
 impl Without {
-    /// Checks that the dataset of each list is an input, once the digests of all datasets are known.
+    /// Checks that the dataset of each list is an input, once the digests of all datasets are known, and that it has
+    /// the rows of the list, if the dataset can be opened.
     ///
     /// # Errors
-    /// If one is not, with the position of its name.
-    pub fn check_inputs(&self, inputs: &[(&'static str, Option<ArtifactId>)]) -> Result<(), InputError> {
+    /// If one is not or has not, with the position of its name.
+    pub fn check_inputs(
+        &self,
+        inputs: &[(&'static str, Option<ArtifactId>)],
+        open: &dyn Fn(&ArtifactId) -> Option<Artifact>,
+    ) -> Result<(), InputError> {
         let datasets = inputs.iter().filter(|(kind, _)| !["audit", "train"].contains(kind));
         let Some(datasets) = datasets.map(|(_, digest)| *digest).collect::<Option<Vec<ArtifactId>>>() else {
             return Ok(());
         };
-        match self.lists.iter().find(|list| !datasets.contains(&list.dataset)) {
-            Some(list) => Err(list.of_another(&datasets)),
-            None => Ok(()),
+        for list in &self.lists {
+            if !datasets.contains(&list.dataset) {
+                return Err(list.of_another(&datasets));
+            }
+            let dataset = open(&list.dataset);
+            let rows = dataset.and_then(|dataset| rows(&dataset).ok());
+            if let (Some(rows), Some(&row)) = (rows, list.rows.last()) {
+                list.check_row(row, rows)?;
+            }
         }
+        Ok(())
     }
 }
 
@@ -336,6 +365,11 @@ fn position(inputs: &[Artifact], dataset: &str, what: &str) -> Result<(usize, us
             "{what} is of the dataset {short}, which is not an input of this stage"
         )));
     };
-    let rows = &artifact.content("patterns")?.shape;
-    Ok((index, rows.first().copied().unwrap_or(0)))
+    Ok((index, rows(artifact)?))
+}
+
+/// Returns the number of rows of a dataset.
+fn rows(dataset: &Artifact) -> Result<usize, StageError> {
+    let shape = &dataset.content("patterns")?.shape;
+    Ok(shape.first().copied().unwrap_or(0))
 }

@@ -149,7 +149,7 @@ fn a_model_is_compared_with_estimates() {
     assert!(message.contains("80") && message.contains("20"), "{message}");
     printed.add("too few patterns", message);
     let strangers = "stages.more={ kind: sample, family: stripes, count: 90, seed: 14 }";
-    let message = said("intervals", &[strangers, UNSEEN, INTERVALS]);
+    let message = refused("intervals", &[strangers, UNSEEN, INTERVALS]);
     assert!(message.contains('0') && message.contains("small-grid"), "{message}");
     printed.add("other families", message);
     let seen = "stages.surrogate={ kind: train, needs: [unseen], network: qin2024, epochs: 1, seed: 5 }";

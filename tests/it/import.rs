@@ -571,6 +571,17 @@ fn marked_rows_of_another_dataset_are_refused_by_plan_with_their_position() {
     }
     workspace.write("marked.txt", &format!("# rows of {}\n1\n", digests["labels"]));
     assert_eq!(workspace.run(&["plan", "own.yaml"]).code, Some(0));
+    workspace.write("marked.txt", &format!("# rows of {}\n1\n1000\n", digests["labels"]));
+    let refused = workspace.refused(&["plan", "own.yaml"]);
+    for part in [
+        "the file marked.txt lists row 1000 of the dataset",
+        "which has 4 rows",
+        "own.yaml:10:24",
+    ] {
+        assert!(refused.contains(part), "{part}: {refused}");
+    }
+    workspace.write("marked.txt", &format!("# rows of {}\n3\n", digests["labels"]));
+    assert_eq!(workspace.run(&["plan", "own.yaml"]).code, Some(0));
     for (twice, position, message) in [
         (
             "marked.txt, ./marked.txt",

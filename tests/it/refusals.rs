@@ -115,6 +115,166 @@ fn calibrations_that_cannot_do_are_refused_by_plan() {
 }
 
 #[test]
+fn patterns_that_a_calibration_cannot_use_are_refused_by_plan() {
+    let balanced = |target: u64| {
+        format!(
+            "balanced: {{ kind: balance, needs: [solved], bins: 5, range: [0 mm, 2 mm], target: {target}, seed: 1 }}"
+        )
+    };
+    let calibrated = "calibrated: { kind: calibrate, needs: [model, balanced], seed: 1 }";
+    let model = MODEL.replace("[solved]", "[balanced]");
+    let more = SAMPLES.replace("20", "100");
+    // A tenth of the rows are test rows; 100 samples have at most 800 images.
+    refuses(
+        SCENE,
+        &[&more, SOLVED, &balanced(79), &model, calibrated],
+        9,
+        "a calibration needs 80 patterns that were not used in training, and `needs` has at most 79",
+    );
+    let warned = "`needs` probably has only ";
+    for (target, warning) in [(400, true), (800, false)] {
+        let stages = [&more, SOLVED, &balanced(target), &model, calibrated];
+        let planned = workspace(SCENE, &stages).run(&["plan", "p.yaml"]);
+        assert_eq!(planned.code, Some(0), "{}", planned.stderr);
+        assert_eq!(planned.stderr.contains(warned), warning, "{target}: {}", planned.stderr);
+    }
+    let others = |family: &str| OTHERS.replace("small-grid", family).replace("20", "80");
+    let calibrated = "calibrated: { kind: calibrate, needs: [model, fresh], seed: 1 }";
+    refuses(
+        SCENE,
+        &[SAMPLES, SOLVED, MODEL, &others("stripes"), FRESH, calibrated],
+        10,
+        "a calibration needs 80 patterns of the training families, and `needs` has at most 0; these are: small-grid",
+    );
+    let same = [SAMPLES, SOLVED, MODEL, &others("small-grid"), FRESH, calibrated];
+    let planned = workspace(SCENE, &same).run(&["plan", "p.yaml"]);
+    assert_eq!(planned.code, Some(0), "{}", planned.stderr);
+}
+
+#[test]
+fn networks_that_are_too_large_for_a_scene_are_refused_by_plan() {
+    let balanced = "balanced: { kind: balance, needs: [solved], bins: 5, range: [0 mm, 2 mm], target: 40, seed: 1 }";
+    for (cells, network, message) in [
+        (
+            "150",
+            "physics",
+            "the linear response of this scene has 253125000 values, but at most 67108864 are allowed",
+        ),
+        (
+            "300",
+            "qin2024",
+            "network qin2024 for 300 × 300 cells has matrices of 266897408 entries",
+        ),
+    ] {
+        let scene = SCENE.replace("cells: 20", &format!("cells: {cells}"));
+        let model = MODEL.replace("qin2024", network);
+        refuses(&scene, &[SAMPLES, SOLVED, &model], 7, message);
+        // Also behind another stage.
+        let model = model.replace("[solved]", "[balanced]");
+        refuses(&scene, &[SAMPLES, SOLVED, balanced, &model], 8, message);
+    }
+}
+
+#[test]
+fn a_range_that_no_displacement_reaches_is_refused_by_plan() {
+    let balanced = |low: &str| {
+        format!("balanced: {{ kind: balance, needs: [solved], bins: 5, range: [{low}, 1 m], target: 40, seed: 1 }}")
+    };
+    refuses(
+        SCENE,
+        &[SAMPLES, SOLVED, &balanced("57 mm")],
+        7,
+        "`range` starts at 57 mm, and no point of a membrane of 40 × 40 mm can move by more than 56.5685 mm",
+    );
+    let planned = workspace(SCENE, &[SAMPLES, SOLVED, &balanced("56 mm")]).run(&["plan", "p.yaml"]);
+    assert_eq!(planned.code, Some(0), "{}", planned.stderr);
+}
+
+#[test]
+fn areas_and_distances_that_no_design_has_are_refused_by_plan() {
+    let none = DESIGN.replace("area: 0.4", "area: 0 %") + " }";
+    refuses(SCENE, &[&none], 5, "`area` is 0, and a design needs electrodes");
+    let of_target = DESIGN.replace("objective: {", "targets: [{ name: one, area: 0, objective: {") + " }] }";
+    refuses(SCENE, &[&of_target], 5, "`area` is 0, and a design needs electrodes");
+    let several = |distance: &str| format!("{DESIGN}, designs: 8, distance: {distance} }}");
+    refuses(
+        SCENE,
+        &[&several("0.82")],
+        5,
+        "`distance: 0.82` is not possible: two patterns of area 0.4 within 0.005 differ in at most 0.8100 of the cells",
+    );
+    let dense = several("0.5").replace("area: 0.4", "area: 0.8");
+    refuses(SCENE, &[&dense], 5, "differ in at most 0.4100 of the cells");
+    for possible in [several("0.81"), several("0.82").replace("designs: 8", "designs: 1")] {
+        let planned = workspace(SCENE, &[&possible]).run(&["plan", "p.yaml"]);
+        assert_eq!(planned.code, Some(0), "{}", planned.stderr);
+    }
+}
+
+#[test]
+fn a_reference_that_may_be_coarser_than_an_accuracy_is_named_by_plan() {
+    let reference = |mesh: &str| SOLVED.replace("elements_per_cell: 2", mesh);
+    let judged = |accuracy: &str| {
+        format!("judged: {{ kind: accuracy, needs: [solved], methods: [{{ accuracy: {accuracy} }}] }}")
+    };
+    for accuracy in ["0.01 mm", "0.003 mm"] {
+        refuses(
+            SCENE,
+            &[SAMPLES, &reference("accuracy: 0.01 mm"), &judged(accuracy)],
+            7,
+            "it is not coarser than the reference",
+        );
+    }
+    let warning = "accuracy: 0.03 mm } may need a finer mesh than the reference";
+    for (mesh, warned) in [
+        ("accuracy: 0.01 mm", false),
+        ("elements_per_cell: 8, order: 2", false),
+        ("elements_per_cell: 2", true),
+        ("elements_per_cell: 4, order: 2", true),
+    ] {
+        let planned = workspace(SCENE, &[SAMPLES, &reference(mesh), &judged("0.03 mm")]).run(&["plan", "p.yaml"]);
+        assert_eq!(planned.code, Some(0), "{}", planned.stderr);
+        assert_eq!(planned.stderr.contains(warning), warned, "{mesh}: {}", planned.stderr);
+    }
+}
+
+#[test]
+fn a_pull_in_margin_that_no_pattern_can_reach_is_refused_by_plan() {
+    let with = |margin: f64| format!("{DESIGN}, constraints: {{ pull_in_margin: {margin} }} }}");
+    // A fully active membrane is stable up to √(λ⁻² + 3λ⁻⁸) = 0.334 of H √(μ/ε), 5.492 kV.
+    let said =
+        |margin: f64, at: &str| format!("`pull_in_margin: {margin}` cannot be reached: no pattern is stable at {at}");
+    refuses(
+        SCENE,
+        &[&with(2.75)],
+        5,
+        &said(2.75, "5.4919 kV, 2.746 times 2.0000 kV"),
+    );
+    let planned = |scene: &str, margin: f64| {
+        let planned = workspace(scene, &[&with(margin)]).run(&["plan", "p.yaml"]);
+        assert_eq!(planned.code, Some(0), "{}", planned.stderr);
+    };
+    planned(SCENE, 2.74);
+    // A pattern may use the group with the lowest voltage alone.
+    let groups = SCENE.replace("voltage: 2 kV", "voltages: [2 kV, 1 kV]");
+    planned(&groups, 5.4);
+    refuses(
+        &groups,
+        &[&with(5.5)],
+        5,
+        &said(5.5, "5.4919 kV, 5.492 times 1.0000 kV"),
+    );
+    // Nothing is known of membranes that stiffen.
+    planned(
+        &SCENE.replace(
+            "effects: {}",
+            "effects: { electrode_stiffness: { shear_modulus: 1 MPa, thickness: 0.0001 mm } }",
+        ),
+        4.0,
+    );
+}
+
+#[test]
 fn results_of_several_scenes_are_refused_by_plan() {
     let scene = SCENE.replace("2 kV", "\"${voltage}\"");
     let solved = "solved: { foreach: { voltage: [1 kV, 2 kV] }, kind: solve, needs: [samples], elements_per_cell: 1 }";

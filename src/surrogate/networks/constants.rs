@@ -67,14 +67,7 @@ impl Constants {
     pub fn new(response: &LinearResponse, scene: &Scene) -> Result<Self> {
         let (membrane, parts) = (scene.membrane(), scene.parts());
         let symmetries = scene.symmetries();
-        let fold = Fold::new(membrane.raster, symmetries);
-        let count = fold.area() * fold.values() * fold.parities().count();
-        if fold.values() == 0 {
-            return Err(ConstantsError::Still);
-        }
-        if count > MAX_VALUES {
-            return Err(ConstantsError::Large(count));
-        }
+        let fold = checked_fold(scene)?;
         let cells = Cells::new(response, fold, symmetries, parts.as_deref())?;
         let side_mm = scene.side_mm();
         let strain = cells.typical_strain(&membrane);
@@ -94,6 +87,25 @@ impl Constants {
             tensors.extend(supports(scene, &parts)?);
         }
         Ok(Self { tensors })
+    }
+
+    /// Checks that a scene can have constants, as far as that is known without solving it.
+    ///
+    /// # Errors
+    /// When nothing moves, or there are too many values.
+    pub fn check(scene: &Scene) -> Result<()> {
+        checked_fold(scene)?;
+        scene.parts().map_or(Ok(()), |parts| touched(&parts).map(|_| ()))
+    }
+}
+
+/// Returns the mirror symmetry of a scene whose response is not too large.
+fn checked_fold(scene: &Scene) -> Result<Fold> {
+    let fold = Fold::new(scene.membrane().raster, scene.symmetries());
+    match fold.area() * fold.values() * fold.parities().count() {
+        0 => Err(ConstantsError::Still),
+        count if count > MAX_VALUES => Err(ConstantsError::Large(count)),
+        _ => Ok(fold),
     }
 }
 
@@ -236,12 +248,9 @@ fn anisotropy(scene: &Scene) -> candle_core::Result<Option<(String, Tensor)>> {
     Ok(Some((names::RATIO.to_owned(), tensor)))
 }
 
-/// Returns the corners at which the frame and the bodies touch the membrane, their stiffness, and the mask of membrane
-/// cells.
-fn supports(scene: &Scene, parts: &Parts) -> Result<[(String, Tensor); 3]> {
-    let raster = parts.raster();
-    let [columns, rows] = raster.sides();
-    // Corners that the frame or a body shares with the membrane, with the body.
+/// Returns the corners that the frame or a body shares with the membrane, with the body.
+fn touched(parts: &Parts) -> Result<Vec<([usize; 2], Option<usize>)>> {
+    let [columns, rows] = parts.raster().sides();
     let mut nodes: Vec<([usize; 2], Option<usize>)> = Vec::new();
     for (y, x) in (1..rows).flat_map(|y| (1..columns).map(move |x| (y, x))) {
         let around = parts.around(x, y);
@@ -254,9 +263,18 @@ fn supports(scene: &Scene, parts: &Parts) -> Result<[(String, Tensor); 3]> {
             nodes.push(([x, y], Some(body)));
         }
     }
-    if nodes.len() > MAX_NODES {
-        return Err(ConstantsError::Long(nodes.len()));
+    match nodes.len() {
+        count if count > MAX_NODES => Err(ConstantsError::Long(count)),
+        _ => Ok(nodes),
     }
+}
+
+/// Returns the corners at which the frame and the bodies touch the membrane, their stiffness, and the mask of membrane
+/// cells.
+fn supports(scene: &Scene, parts: &Parts) -> Result<[(String, Tensor); 3]> {
+    let raster = parts.raster();
+    let [columns, rows] = raster.sides();
+    let nodes = touched(parts)?;
     let stiffness = stiffness(scene, parts, &nodes);
     let index = |([x, y], _): &([usize; 2], Option<usize>)| ((y - 1) * (columns - 1) + x - 1) as f32;
     let indices: Vec<f32> = nodes.iter().map(index).collect();

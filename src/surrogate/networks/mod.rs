@@ -14,6 +14,7 @@ use candle_nn::VarBuilder;
 use super::onnx::Export;
 use deaflow_base::words;
 use deaflow_pattern::Raster;
+use deaflow_scene::Scene;
 
 pub use constants::{Constants, ConstantsError};
 
@@ -32,6 +33,17 @@ impl NetworkKind {
     #[must_use]
     pub fn has_constants(self) -> bool {
         self == Self::Physics
+    }
+
+    /// Checks that there can be such a network of a scene, as far as that is known without solving it.
+    ///
+    /// # Errors
+    /// When nothing moves in the scene, or it has too many cells: the reason.
+    pub fn check(self, scene: &Scene) -> std::result::Result<(), String> {
+        match self {
+            Self::Qin2024 => qin2024::Qin2024::check(scene.membrane().raster).map_err(|e| e.to_string()),
+            Self::Physics => Constants::check(scene).map_err(|e| e.to_string()),
+        }
     }
 
     /// Builds the network for patterns of these cells from the given weights.

@@ -55,6 +55,11 @@ pub(super) struct Qin2024 {
 }
 
 impl Qin2024 {
+    /// Checks that the network can have patterns of these cells.
+    pub(super) fn check(raster: Raster) -> Result<()> {
+        Grid::new(raster).map(|_| ())
+    }
+
     /// Builds the network for patterns of these cells from the given weights.
     pub(super) fn new(weights: &VarBuilder<'_>, raster: Raster) -> Result<Self> {
         let grid = Grid::new(raster)?;
