@@ -544,7 +544,9 @@ mod tests {
         assert!((of(2000).likely - 8.0).abs() < 1e-12);
         // Samples take as long each as before, except for at most a second to begin.
         let begin = cost(100, 2.0);
-        let many = price(std::slice::from_ref(&begin), &work(Some(10), 10_000)).unwrap().seconds;
+        let many = price(std::slice::from_ref(&begin), &work(Some(10), 10_000))
+            .unwrap()
+            .seconds;
         let widening = 2.5 * 100.0_f64.powf(RATIO_EXPONENT);
         assert!((many.low - (101.0 / widening - OVERHEAD)).abs() < 1e-9, "{many:?}");
         assert!((many.likely - 200.0).abs() < 1e-9, "{many:?}");
