@@ -111,7 +111,8 @@ impl OutputFile {
     pub fn write(&self, bytes: &[u8]) -> Result<(), OutputError> {
         let failed = || failed(&self.given);
         let mut file = temporary_output(self.folder()).map_err(failed())?;
-        file.write_all(bytes).map_err(failed())?;
+        // The error of the file itself does not name the temporary path.
+        file.as_file_mut().write_all(bytes).map_err(failed())?;
         // If the disk is full, this fails before the existing file is replaced.
         file.as_file().sync_data().map_err(failed())?;
         self.recheck()?;

@@ -1,6 +1,6 @@
 //! `deaflow init`: writes a small pipeline to start with.
 
-use std::fs::OpenOptions;
+use std::fs::{self, OpenOptions};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
@@ -61,13 +61,32 @@ pub fn execute(arguments: &InitArguments, output: &Output) -> Result<Exit, CliEr
     if let Some((taken, _)) = files.iter().find(|(file, _)| file.symlink_metadata().is_ok()) {
         return Err(exists_error(taken));
     }
-    write::folder(&folder.join("schema"))?;
-    for (file, text) in &files {
-        create(file, text)?;
-    }
+    let (store, schema) = (folder.join("store"), folder.join("schema"));
+    let new = [folder, &schema, &store].map(|folder| folder.symlink_metadata().is_err());
+    write::folder(&schema)?;
     // With a store, commands find it from all folders of the project.
-    let store = folder.join("store");
-    Store::open(&store)?;
+    let mut created = Vec::new();
+    let mut written = files
+        .iter()
+        .try_for_each(|(file, text)| create(file, text, &mut created));
+    if written.is_ok() {
+        written = Store::open(&store).map(drop).map_err(CliError::from);
+    }
+    if let Err(error) = written {
+        // The next attempt must not find a part of a project. What cannot be removed stays.
+        created.iter().for_each(|file| drop(fs::remove_file(file)));
+        let [is_new, is_new_schema, is_new_store] = new;
+        if is_new_store {
+            let _ = fs::remove_dir_all(&store);
+        }
+        for (folder, is_new) in [(schema.as_path(), is_new_schema), (folder, is_new)] {
+            // A folder with other files stays.
+            if is_new {
+                let _ = fs::remove_dir(folder);
+            }
+        }
+        return Err(error);
+    }
     let paths: Vec<&Path> = files.iter().map(|(file, _)| file.as_path()).collect();
     let next = next(folder);
     output.result(
@@ -112,10 +131,13 @@ fn name(folder: &Path) -> String {
     }
 }
 
-/// Writes a new file.
-fn create(path: &Path, text: &str) -> Result<(), CliError> {
+/// Writes a new file. `created` receives it once it exists.
+fn create<'a>(path: &'a Path, text: &str, created: &mut Vec<&'a Path>) -> Result<(), CliError> {
     let made = OpenOptions::new().write(true).create_new(true).open(path);
-    let written = made.and_then(|mut file| file.write_all(text.as_bytes()));
+    let written = made.and_then(|mut file| {
+        created.push(path);
+        file.write_all(text.as_bytes())
+    });
     written.map_err(|error| match error.kind() {
         ErrorKind::AlreadyExists => exists_error(path),
         _ => CliError::failure(format!("cannot write {}: {error}", path.display())),

@@ -163,3 +163,36 @@ fn collects(how: &str) {
     assert_eq!(fsck.code, Some(0), "{}", fsck.stdout);
     assert_eq!(std::fs::read_to_string(workspace.path("left")).unwrap(), "");
 }
+
+/// Creates a project on a disk of $1 KiB, and again with more space.
+const PROJECT: &str = r#"
+mkdir disk && mount -t tmpfs -o "size=$1k" none disk || exit 99
+"$0" init disk/project >first 2>first.err; echo $? >first.code
+find disk -mindepth 1 >left
+mount -o remount,size=64m disk || exit 99
+"$0" init disk/project >second 2>second.err; echo $? >second.code
+"#;
+
+#[test]
+fn a_project_is_created_whole_or_not_at_all() {
+    let Some(way) = namespace() else { return };
+    let mut refused = 0;
+    for space in ["4", "16", "64", "400"] {
+        let workspace = Workspace::new();
+        let ended = script(&workspace, way, PROJECT, &[space]);
+        assert_eq!(ended.code, Some(0), "{space} KiB: {}", ended.stderr);
+        let [first, second] = ["first", "second"].map(|step| read(&workspace, step));
+        if first.code == Some(0) {
+            continue;
+        }
+        refused += 1;
+        assert!(first.stderr.contains("No space left on device"), "{}", first.stderr);
+        assert_eq!(
+            std::fs::read_to_string(workspace.path("left")).unwrap(),
+            "",
+            "{space} KiB"
+        );
+        assert_eq!(second.code, Some(0), "{space} KiB: {}", second.stderr);
+    }
+    assert!(refused > 1, "the disk was full in {refused} runs");
+}
