@@ -50,7 +50,7 @@ pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliEr
     let (remote, foreign) = upstream::open_fresh(arguments.remote.as_deref(), &store, output)?;
     let remote = std::sync::Arc::new(remote);
     let store = store.with_upstream(remote.clone());
-    let mut missing = Vec::new();
+    let (mut missing, mut lost) = (Vec::new(), Vec::new());
     let bar = DelayedBar::new("pull", "artifacts");
     let progress = |done, total| bar.set(done, total);
     let done = match &pipeline {
@@ -64,22 +64,31 @@ pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliEr
                 .iter()
                 .map(|&index| pipeline.stages[index].name.as_str())
                 .collect();
-            let built = built_stages(pipeline, &store)?;
+            remote.retry();
+            let mut built = built_stages(pipeline, &store)?;
             let stages = built
                 .stages
                 .iter()
                 .filter(|stage| selected.contains(&stage.name.as_str()));
             let artifacts: Vec<ArtifactId> = stages.map(|stage| stage.record.artifact).collect();
-            missing = built
+            for name in built
                 .missing
                 .into_iter()
                 .filter(|name| selected.contains(&name.as_str()))
-                .collect();
+            {
+                match built.lost.remove(&name) {
+                    Some(artifact) => lost.push(artifact),
+                    None => missing.push(name),
+                }
+            }
             pull_some(&store, &remote, &artifacts, &progress)
         }
     };
     bar.clear();
-    let pulled = done?;
+    let mut pulled = done?;
+    pulled.failed.append(&mut lost);
+    pulled.failed.sort_unstable();
+    pulled.failed.dedup();
     upstream::report_problems(&remote, output);
     output.result(
         || document(&remote, &pulled, &missing, &foreign),

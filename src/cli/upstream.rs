@@ -128,7 +128,7 @@ impl StoreAccess {
     }
 
     /// Returns why the results of stages that are on the remote only may not be there, and the exit code; `None` if
-    /// they are, as far as the list of its objects says.
+    /// they are, as far as the list of its objects and the last downloads say.
     ///
     /// # Errors
     /// When the store cannot be read.
@@ -151,12 +151,20 @@ impl StoreAccess {
             );
             return Ok(Some((why, Exit::Failure)));
         }
-        let all: Vec<&str> = elsewhere.iter().map(|made| made.stage.as_str()).collect();
-        Ok(remote.is_disabled().then(|| {
-            let why = format!(
-                "the results of {} are not here, and {name} cannot be reached; try again later",
-                all.join(", ")
-            );
+        let (doubted, why) = match remote.is_disabled() {
+            true => (
+                elsewhere.iter().collect(),
+                format!("{name} cannot be reached; try again later"),
+            ),
+            false => {
+                let interrupted = elsewhere.iter().filter(|made| remote.is_interrupted(&made.digest));
+                let why = format!("their last download from {name} was interrupted; fetch them with `deaflow pull`");
+                (interrupted.collect::<Vec<_>>(), why)
+            }
+        };
+        let doubted: Vec<&str> = doubted.iter().map(|made| made.stage.as_str()).collect();
+        Ok((!doubted.is_empty()).then(|| {
+            let why = format!("the results of {} are not here, and {why}", doubted.join(", "));
             (why, Exit::TryAgain)
         }))
     }

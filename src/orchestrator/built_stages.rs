@@ -1,7 +1,11 @@
 //! The stages of a pipeline that are built in a store, for export and upload.
 
+use std::collections::BTreeMap;
+
 use super::planner::{Planner, StageState};
 use super::spec::Pipeline;
+use super::staleness::Staleness;
+use deaflow_base::ArtifactId;
 use deaflow_store::{LockFile, LockedStage, Record, Store, StoreError};
 
 /// A stage that is built.
@@ -22,6 +26,8 @@ pub struct BuiltStages {
     pub stages: Vec<BuiltStage>,
     /// Names of the other stages.
     pub missing: Vec<String>,
+    /// The recorded artifacts of some of these, which are missing or damaged or have such chunks.
+    pub lost: BTreeMap<String, ArtifactId>,
 }
 
 /// Determines which stages of a pipeline are built.
@@ -34,11 +40,18 @@ pub fn built_stages(pipeline: &Pipeline, store: &Store) -> Result<BuiltStages, S
     let mut built = BuiltStages {
         stages: Vec::new(),
         missing: Vec::new(),
+        lost: BTreeMap::new(),
     };
     for (spec, status) in pipeline.stages.iter().zip(statuses) {
-        let StageState::Fresh { record, .. } = status.state else {
-            built.missing.push(spec.name.clone());
-            continue;
+        let record = match status.state {
+            StageState::Fresh { record, .. } => record,
+            StageState::Stale { why, expected, .. } => {
+                if let (Staleness::ArtifactMissing | Staleness::ArtifactDamaged, Some(artifact)) = (why, expected) {
+                    built.lost.insert(spec.name.clone(), artifact);
+                }
+                built.missing.push(spec.name.clone());
+                continue;
+            }
         };
         let needs = spec.needs.iter().map(|&need| pipeline.stages[need].name.clone());
         built.stages.push(BuiltStage {

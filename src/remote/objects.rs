@@ -1,12 +1,14 @@
 //! Which objects a remote has, and which of them were found invalid.
 //!
 //! Records outlive objects: somebody may remove or overwrite these. So the objects are listed once for a command, when
-//! it first needs one. An object that was downloaded and is invalid is noted in the store with its time and size, so
-//! that later commands do not count on it until it is replaced, and the next push from this store replaces it.
+//! it first needs one. An object that is listed, but invalid or refused, is noted in the store with its time and size,
+//! so that later commands do not count on it until it is replaced, and the next push from this store replaces it. An
+//! interrupted download is noted too: nobody knows whether the object is valid.
 
 use std::collections::{BTreeMap, HashSet};
 use std::fs;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::SystemTime;
 
@@ -18,6 +20,9 @@ use deaflow_base::{ArtifactId, read_own, write_output};
 /// Maximum length of a note, bytes.
 const MAX_NOTE: u64 = 4 << 10;
 
+/// The first line of the note on an interrupted download, in place of the stamp.
+const INTERRUPTED: &str = "interrupted";
+
 /// The state of an object.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ObjectState {
@@ -25,7 +30,7 @@ pub enum ObjectState {
     Present,
     /// The remote does not have it.
     Absent,
-    /// It was invalid when it was last downloaded, for this reason, and has not been replaced.
+    /// It was invalid or refused when it was last downloaded, for this reason, and has not been replaced.
     Invalid(String),
     /// The objects could not be listed.
     Unknown,
@@ -43,6 +48,8 @@ pub struct Objects {
     folder: PathBuf,
     /// Those that the remote has, once they are listed; `None` if that failed.
     listed: Mutex<Option<Option<Listing>>>,
+    /// Whether objects that were invalid are counted on again.
+    retries: AtomicBool,
 }
 
 impl Objects {
@@ -51,7 +58,14 @@ impl Objects {
         Self {
             folder,
             listed: Mutex::default(),
+            retries: AtomicBool::new(false),
         }
+    }
+
+    /// Counts on objects again that were invalid, so that they are downloaded once more. Their notes stay until that
+    /// succeeds.
+    pub fn retry(&self) {
+        self.retries.store(true, Ordering::Relaxed);
     }
 
     /// Lists the objects anew when they are next needed.
@@ -88,8 +102,9 @@ impl Objects {
         };
         match listed.get(artifact) {
             None => ObjectState::Absent,
+            Some(_) if self.retries.load(Ordering::Relaxed) => ObjectState::Present,
             Some(stamp) => self
-                .note(artifact, stamp)
+                .invalid(artifact, stamp)
                 .map_or(ObjectState::Present, ObjectState::Invalid),
         }
     }
@@ -102,44 +117,60 @@ impl Objects {
         let stamps = stamps(bucket)?;
         let valid = stamps
             .iter()
-            .filter(|(artifact, stamp)| self.note(artifact, stamp).is_none());
+            .filter(|(artifact, stamp)| self.invalid(artifact, stamp).is_none());
         Ok(valid.map(|(artifact, _)| *artifact).collect())
-    }
-
-    /// Returns the artifacts with a note.
-    pub fn noted(&self) -> Vec<ArtifactId> {
-        let entries = fs::read_dir(&self.folder).into_iter().flatten();
-        entries
-            .filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok())
-            .collect()
     }
 
     fn path(&self, artifact: &ArtifactId) -> PathBuf {
         self.folder.join(artifact.to_string())
     }
 
-    /// Returns why the object of this stamp was invalid, if it was.
-    fn note(&self, artifact: &ArtifactId, stamp: &Stamp) -> Option<String> {
+    /// Returns the stamp in the note on an object, and why it was invalid.
+    fn note(&self, artifact: &ArtifactId) -> Option<(String, String)> {
         let text = String::from_utf8(read_own(&self.path(artifact), MAX_NOTE).ok()?).ok()?;
-        let (of, why) = text.split_once('\n')?;
-        (of == stamp_text(stamp)).then(|| why.trim_end().to_owned())
+        let (stamp, why) = text.split_once('\n')?;
+        Some((stamp.to_owned(), why.trim_end().to_owned()))
+    }
+
+    /// Returns why the object of this stamp was invalid, if it was.
+    fn invalid(&self, artifact: &ArtifactId, stamp: &Stamp) -> Option<String> {
+        let (of, why) = self.note(artifact)?;
+        (of == stamp_text(stamp)).then_some(why)
+    }
+
+    /// Returns the stamp of an object, if it is listed.
+    fn listed_stamp(&self, artifact: &ArtifactId) -> Option<Stamp> {
+        self.lock().as_ref()?.as_ref()?.get(artifact).copied()
+    }
+
+    /// Whether the last download of an object was interrupted.
+    pub fn is_interrupted(&self, artifact: &ArtifactId) -> bool {
+        self.note(artifact).is_some_and(|(stamp, _)| stamp == INTERRUPTED)
     }
 
     /// Notes that an object is invalid. Without the note a later command finds that again.
     pub fn note_invalid(&self, artifact: &ArtifactId, why: &str) {
-        let stamp = self
-            .lock()
-            .as_ref()
-            .and_then(|listed| listed.as_ref()?.get(artifact).copied());
-        let Some(stamp) = stamp else { return };
-        let why: String = why.chars().take(1000).collect();
-        let text = format!("{}\n{why}\n", stamp_text(&stamp));
-        if fs::create_dir_all(&self.folder).is_ok() {
-            let _ = write_output(&self.path(artifact), text.as_bytes());
+        if let Some(stamp) = self.listed_stamp(artifact) {
+            self.write(artifact, &stamp_text(&stamp), why);
         }
     }
 
-    /// Removes the note on an object, which was replaced or is to be downloaded again.
+    /// Notes that the download of an object was interrupted, unless it is known to be invalid.
+    pub fn note_interrupted(&self, artifact: &ArtifactId, why: &str) {
+        let stamp = self.listed_stamp(artifact);
+        if stamp.is_none_or(|stamp| self.invalid(artifact, &stamp).is_none()) {
+            self.write(artifact, INTERRUPTED, why);
+        }
+    }
+
+    fn write(&self, artifact: &ArtifactId, stamp: &str, why: &str) {
+        let why: String = why.chars().take(1000).collect();
+        if fs::create_dir_all(&self.folder).is_ok() {
+            let _ = write_output(&self.path(artifact), format!("{stamp}\n{why}\n").as_bytes());
+        }
+    }
+
+    /// Removes the note on an object that was replaced or downloaded.
     pub fn forget(&self, artifact: &ArtifactId) {
         let _ = fs::remove_file(self.path(artifact));
     }

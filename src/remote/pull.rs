@@ -33,11 +33,13 @@ pub fn pull_all(
     remote: &Remote,
     progress: &(dyn Fn(u64, u64) + Sync),
 ) -> Result<PullReport, RemoteError> {
+    remote.retry();
     let artifacts = remote.with_records(TrustedRecords::artifacts);
     pull_some(store, remote, &artifacts, progress)
 }
 
-/// Copies some artifacts, with their chunks and records.
+/// Copies some artifacts, with their chunks and records. Those that were invalid are only tried after
+/// [`Remote::retry`].
 ///
 /// # Errors
 /// As [`pull_all`].
@@ -56,7 +58,6 @@ pub fn pull_some(
             Condition::Intact { .. }
         ));
     }
-    remote.try_again(artifacts, &own)?;
     let step = || progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
     let mut failed = store.fetch_all(artifacts, &step)?;
     failed.sort_unstable();

@@ -25,8 +25,21 @@ struct Memory {
     /// Writes that still succeed; all, without.
     fails_after: Mutex<Option<u64>>,
     is_down: Mutex<bool>,
-    /// Whether downloads of objects are too slow.
-    is_slow: Mutex<bool>,
+    /// How downloads of objects fail.
+    fault: Mutex<Option<Fault>>,
+}
+
+/// How the download of an object fails.
+#[derive(Clone, Copy, Debug)]
+enum Fault {
+    /// It is too slow.
+    Slow,
+    /// The connection breaks off.
+    Cut,
+    /// The storage refuses it.
+    Denied,
+    /// It is listed, but not found.
+    Hidden,
 }
 
 impl Memory {
@@ -104,11 +117,32 @@ impl Bucket for Arc<Memory> {
     }
 
     fn get_file(&self, name: &str, target: &Path, _: u64) -> Result<Option<u64>, RemoteError> {
-        if *self.is_slow.lock().unwrap() {
-            return Err(RemoteError::Slow {
-                host: "memory".to_owned(),
-                reason: "it drips".to_owned(),
-            });
+        let host = "memory".to_owned();
+        match *self.fault.lock().unwrap() {
+            None => {}
+            Some(Fault::Hidden) => return Ok(None),
+            Some(Fault::Slow) => {
+                return Err(RemoteError::Slow {
+                    host,
+                    reason: "it drips".to_owned(),
+                });
+            }
+            Some(Fault::Cut) => {
+                return Err(RemoteError::Unreachable {
+                    host,
+                    reason: "it broke off".to_owned(),
+                });
+            }
+            Some(Fault::Denied) => {
+                return Err(RemoteError::Refused {
+                    host,
+                    action: "read",
+                    name: name.to_owned(),
+                    status: 403,
+                    code: "AccessDenied".to_owned(),
+                    message: String::new(),
+                });
+            }
         }
         let Some(bytes) = self.get(name, u64::MAX)? else {
             return Ok(None);
@@ -688,6 +722,73 @@ fn an_invalid_object_is_remembered_until_it_is_replaced() {
 }
 
 #[test]
+fn an_object_that_cannot_be_read_is_remembered() {
+    for (fault, why) in [
+        (Fault::Denied, "403 AccessDenied"),
+        (Fault::Hidden, "listed, but not found"),
+    ] {
+        let (memory, anna, ben) = (Arc::new(Memory::default()), Person::new(), Person::new());
+        let (manifest, parts) = anna.make_chunks(3);
+        anna.push(&memory).unwrap();
+        let pull = || {
+            let (store, remote, _) = ben.reading(&memory, &[&anna]);
+            pull_all(&store, &remote, &|_, _| ()).unwrap().failed
+        };
+        let look = || {
+            let (store, remote, _) = ben.reading(&memory, &[&anna]);
+            let condition = store.inspect(&manifest.artifact, Effort::Quick).unwrap();
+            (matches!(condition, Condition::Elsewhere { .. }), remote.take_warnings())
+        };
+        *memory.fault.lock().unwrap() = Some(fault);
+        assert!(pull().contains(&parts[1]), "{fault:?}");
+        let (is_there, warnings) = look();
+        assert!(!is_there && warnings[0].contains(why), "{fault:?}: {warnings:?}");
+        // A run does not try again, a pull does.
+        *memory.fault.lock().unwrap() = None;
+        assert!(!look().0);
+        assert_eq!(pull(), []);
+        fs::remove_dir_all(ben.store.root().join("objects")).unwrap();
+        assert_eq!(look(), (true, Vec::new()));
+    }
+}
+
+#[test]
+fn an_interrupted_download_leaves_an_object_in_doubt() {
+    for fault in [Fault::Cut, Fault::Slow] {
+        let (memory, anna, ben) = (Arc::new(Memory::default()), Person::new(), Person::new());
+        let (manifest, _) = anna.make_chunks(3);
+        let other = anna.make(1, 0.5);
+        anna.push(&memory).unwrap();
+        let (store, remote, _) = ben.reading(&memory, &[&anna]);
+        assert!(!remote.is_interrupted(&manifest.artifact));
+        *memory.fault.lock().unwrap() = Some(fault);
+        let pulled = pull_some(&store, &remote, &[manifest.artifact], &|_, _| ()).unwrap();
+        assert_eq!(pulled.failed, [manifest.artifact]);
+        // It is not taken for invalid, and the next command that reads it tries again.
+        *memory.fault.lock().unwrap() = None;
+        let (store, remote, _) = ben.reading(&memory, &[&anna]);
+        let condition = store.inspect(&manifest.artifact, Effort::Quick).unwrap();
+        assert!(matches!(condition, Condition::Elsewhere { .. }), "{fault:?}");
+        assert!(remote.is_interrupted(&manifest.artifact) && !remote.is_interrupted(&other.artifact));
+        assert!(store.fetch(&manifest.artifact).unwrap());
+        assert!(!remote.is_interrupted(&manifest.artifact));
+    }
+}
+
+#[test]
+fn a_pull_of_a_removed_object_is_incomplete_each_time() {
+    let (memory, anna, ben) = (Arc::new(Memory::default()), Person::new(), Person::new());
+    let record = anna.make(1, 0.5);
+    anna.push(&memory).unwrap();
+    memory.delete(&object_name(&record.artifact)).unwrap();
+    for _ in 0..2 {
+        let (store, remote, _) = ben.reading(&memory, &[&anna]);
+        let pulled = pull_some(&store, &remote, &[record.artifact], &|_, _| ()).unwrap();
+        assert_eq!(pulled.failed, [record.artifact]);
+    }
+}
+
+#[test]
 fn an_object_that_was_found_invalid_is_replaced_by_the_next_push() {
     let (memory, anna, ben) = (Arc::new(Memory::default()), Person::new(), Person::new());
     let record = anna.make(1, 0.5);
@@ -724,7 +825,7 @@ fn a_run_goes_on_without_a_server_that_drips() {
     let (memory, anna, ben) = (Arc::new(Memory::default()), Person::new(), Person::new());
     let (one, two) = (anna.make(1, 0.5), anna.make(2, 0.6));
     anna.push(&memory).unwrap();
-    *memory.is_slow.lock().unwrap() = true;
+    *memory.fault.lock().unwrap() = Some(Fault::Slow);
     let (store, remote, _) = ben.reading(&memory, &[&anna]);
     let asked = memory.asked.load(Ordering::Relaxed);
     for record in [&one, &two] {
@@ -741,7 +842,7 @@ fn a_run_goes_on_without_a_server_that_drips() {
         "it is not asked again"
     );
     // What came is not taken for invalid.
-    *memory.is_slow.lock().unwrap() = false;
+    *memory.fault.lock().unwrap() = None;
     let (store, remote, _) = ben.reading(&memory, &[&anna]);
     assert_eq!(pull_all(&store, &remote, &|_, _| ()).unwrap().failed, []);
 }

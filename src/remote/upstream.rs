@@ -15,7 +15,7 @@ use super::pack::{self, PackError, RECORDS, Statement};
 use super::s3::S3;
 use super::trusted_records::{Disagreement, IgnoredRecords, TrustedRecords};
 use deaflow_base::{ActionKey, ArtifactId, Digest, concurrently, read_own, write_output};
-use deaflow_store::{Condition, Effort, Record, Store, StoreError, Upstream, UpstreamArtifact};
+use deaflow_store::{Record, Store, StoreError, Upstream, UpstreamArtifact};
 
 /// Name and content of the marker of a remote.
 pub const MARKER: &str = "format";
@@ -32,6 +32,9 @@ const MAX_UNKNOWN: u64 = 64 << 30;
 
 /// Why an artifact cannot be downloaded whose object is gone.
 const REMOVED: &str = "it was removed";
+
+/// Why an artifact cannot be downloaded that the remote lists, but does not find.
+const NOT_FOUND: &str = "it is listed, but not found";
 
 /// Prefix of object names.
 pub const OBJECTS: &str = "objects/";
@@ -384,27 +387,17 @@ impl Remote {
         }
     }
 
-    /// Prepares to download artifacts and their chunks again that were invalid and are not in a store.
-    ///
-    /// # Errors
-    /// Returns an error if the store cannot be read.
-    pub(super) fn try_again(&self, artifacts: &[ArtifactId], here: &Store) -> Result<(), RemoteError> {
-        let noted = self.objects.noted();
-        if noted.is_empty() {
-            return Ok(());
-        }
-        let mut wanted: BTreeSet<ArtifactId> = artifacts.iter().copied().collect();
-        self.with_records(|records| {
-            let parts = |artifact| records.artifact(artifact)?.parts.clone();
-            wanted.extend(artifacts.iter().filter_map(parts).flatten());
-        });
-        for artifact in noted.iter().filter(|artifact| wanted.contains(artifact)) {
-            // The note on an artifact that was built here since is for the next push.
-            if !matches!(here.inspect(artifact, Effort::Quick)?, Condition::Intact { .. }) {
-                self.objects.forget(artifact);
-            }
-        }
-        Ok(())
+    /// Downloads objects again that were invalid, instead of taking them for missing.
+    pub fn retry(&self) {
+        self.objects.retry();
+    }
+
+    /// Whether the last download of an artifact, or of a chunk of it, was interrupted.
+    #[must_use]
+    pub fn is_interrupted(&self, artifact: &ArtifactId) -> bool {
+        let parts = self.with_records(|records| records.artifact(artifact)?.parts.clone());
+        let mut all = std::iter::once(artifact).chain(parts.iter().flatten());
+        all.any(|artifact| self.objects.is_interrupted(artifact))
     }
 
     /// Lists the objects now, and returns the artifacts of those that were not found invalid.
@@ -546,24 +539,26 @@ impl Upstream for Remote {
         match self.bucket.get_file(&object_name(artifact), target, limit) {
             Ok(Some(_)) => Ok(true),
             Ok(None) => {
-                self.mark_missing(artifact, Some(REMOVED));
+                self.reject(artifact, NOT_FOUND);
                 Ok(false)
             }
             Err(RemoteError::Io { action, path, source }) => Err(StoreError::Io { action, path, source }),
             Err(RemoteError::Store(error)) => Err(error),
             Err(error @ (RemoteError::Unreachable { .. } | RemoteError::Slow { .. })) => {
+                self.objects.note_interrupted(artifact, &error.to_string());
                 self.disable(&error);
                 self.mark_missing(artifact, None);
                 Ok(false)
             }
             Err(error) => {
-                self.mark_missing(artifact, Some(&error.to_string()));
+                self.reject(artifact, &error.to_string());
                 Ok(false)
             }
         }
     }
 
-    fn accept(&self, _: &ArtifactId, size: u64) {
+    fn accept(&self, artifact: &ArtifactId, size: u64) {
+        self.objects.forget(artifact);
         self.artifacts.fetch_add(1, Ordering::Relaxed);
         self.bytes.fetch_add(size, Ordering::Relaxed);
     }

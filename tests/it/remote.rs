@@ -270,8 +270,19 @@ fn write_access_to_the_bucket_is_not_enough_to_change_results() {
     let pulled = document(&workspace, "ben", &["pull", "--store", "d"], 0);
     assert_eq!(pulled["passed_over"]["untrusted"], serde_json::json!([]));
     assert_eq!(pulled["passed_over"]["disagreements"], serde_json::json!([]));
-    // An object that is gone is not counted on.
+    // An object that is gone is not counted on, and a pull is incomplete without it.
     assert!(server.ask("DELETE", &name, b"").starts_with("HTTP/1.1 204"));
+    let pulled = document(&workspace, "ben", &["pull", "small.yaml", "--store", "p"], 1);
+    assert_eq!(
+        (&pulled["left"], &pulled["not_built"]),
+        (&serde_json::json!([digest]), &serde_json::json!([]))
+    );
+    document(
+        &workspace,
+        "ben",
+        &["pull", "small.yaml", "--store", "p", "--until", "large"],
+        0,
+    );
     let ran = through(&workspace, "ben", ("run", "f"), &[]);
     assert_eq!(stages_of(&ran).with("built"), ["solved"]);
     assert_eq!(stages_of(&ran).digests(), built.digests());
