@@ -62,6 +62,7 @@ pub fn execute(arguments: &InitArguments, output: &Output) -> Result<Exit, CliEr
         return Err(exists_error(taken));
     }
     let (store, schema) = (folder.join("store"), folder.join("schema"));
+    Store::check_folder(&store)?;
     let new = [folder, &schema, &store].map(|folder| folder.symlink_metadata().is_err());
     write::folder(&schema)?;
     // With a store, commands find it from all folders of the project.

@@ -9,6 +9,7 @@ use super::tone::Tone;
 use super::upstream::StoreAccess;
 use super::{CliError, Exit, Output, table};
 use deaflow_orchestrator::{Environment, Pipeline, plan, plan_document, plan_warnings, price_total};
+use deaflow_store::Store;
 
 /// Show what `run` would build, why, and the estimated cost; build nothing
 #[derive(Debug, Args)]
@@ -31,6 +32,8 @@ pub fn execute(arguments: &PlanArguments, output: &Output) -> Result<Exit, CliEr
 /// When the store cannot be read.
 pub fn print(pipeline: &Pipeline, arguments: &PipelineArguments, output: &Output) -> Result<Exit, CliError> {
     let folder = arguments.store_folder();
+    // A run would refuse it.
+    Store::check_folder(&folder)?;
     let (_scratch, store) = store_to_read(&folder)?;
     let access = StoreAccess::open(store, arguments, output)?;
     let stages = plan(

@@ -66,18 +66,27 @@ pub fn check_csv(path: &Path) -> Result<(), CliError> {
 /// As [`file()`].
 pub fn check_file(path: &Path) -> Result<(), CliError> {
     outside(path)?;
-    let is_hdf5 = path
-        .extension()
-        .is_none_or(|extension| extension == "h5" || extension == "hdf5");
-    if is_hdf5 && path.to_str().is_none() {
-        return Err(CliError::bad_input(format!(
-            "the path {} is not UTF-8, so HDF5 cannot write the file",
-            path.display()
-        ))
-        .help("name another file with -o"));
+    let is_hdf5 = |extension| ["h5", "hdf5", "vtkhdf"].iter().any(|hdf5| extension == *hdf5);
+    if path.extension().is_none_or(is_hdf5) {
+        check_hdf5(path)?;
     }
     // This creates and removes a file there: permissions do not tell whether a folder is writable.
     Ok(output_folder(OutputFile::new(path)?.folder())?)
+}
+
+/// Refuses a path where HDF5 cannot write.
+///
+/// # Errors
+/// When it is not UTF-8.
+pub fn check_hdf5(path: &Path) -> Result<(), CliError> {
+    match path.to_str() {
+        Some(_) => Ok(()),
+        None => Err(CliError::bad_input(format!(
+            "the path {} is not UTF-8, so HDF5 cannot write there",
+            path.display()
+        ))
+        .help("name another with -o")),
+    }
 }
 
 /// Checks that a file can be written and is not one of the inputs.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use super::common::bounded::pipe;
-use super::common::{Stages, Workspace, files, snapshot};
+use super::common::{SHORT, Stages, Workspace, csv, files, scene_file, snapshot};
 use super::damage::copy;
 
 /// The store of a finished run with a pin and a lock file, and the digests of its stages.
@@ -416,16 +416,54 @@ fn a_folder_whose_name_is_not_utf8_is_refused_before_any_work() {
     let folder = workspace.path("").join(std::ffi::OsStr::from_bytes(b"caf\xe9"));
     std::fs::create_dir(&folder).unwrap();
     std::fs::copy(workspace.path("small.yaml"), folder.join("small.yaml")).unwrap();
-    let mut command = workspace.command(&["run", "small.yaml"]);
-    let ended = super::common::Ended::from(command.current_dir(&folder).output().unwrap());
-    assert_eq!(ended.code, Some(2), "{}", ended.stderr);
-    assert!(
-        ended.stderr.contains("is not UTF-8, so HDF5 cannot open files there"),
-        "{}",
-        ended.stderr
-    );
+    for arguments in [
+        &["run", "small.yaml"][..],
+        &["plan", "small.yaml"],
+        &["init"],
+        &["init", "new"],
+    ] {
+        let mut command = workspace.command(arguments);
+        let ended = super::common::Ended::from(command.current_dir(&folder).output().unwrap());
+        assert_eq!(ended.code, Some(2), "{arguments:?}: {}", ended.stderr);
+        assert!(
+            ended.stderr.contains("is not UTF-8, so HDF5 cannot open files there"),
+            "{arguments:?}: {}",
+            ended.stderr
+        );
+    }
     let names = std::fs::read_dir(&folder)
         .unwrap()
         .map(|entry| entry.unwrap().file_name());
     assert_eq!(names.collect::<Vec<_>>(), ["small.yaml"], "nothing was written");
+}
+
+#[test]
+fn an_output_whose_name_is_not_utf8_is_refused_before_any_work() {
+    use std::os::unix::ffi::OsStrExt;
+    let workspace = Workspace::new();
+    workspace.write("short.yaml", SHORT);
+    assert_eq!(workspace.run(&["run", "short.yaml"]).code, Some(0));
+    workspace.write("p.csv", &csv(|x, _| x < 25));
+    workspace.write("scene.yaml", &scene_file());
+    let before = files(&workspace.path(""));
+    for (arguments, name) in [
+        (&["export", "crate", "short.yaml"][..], &b"caf\xe9"[..]),
+        (&["export", "artifact", "short.yaml:solved"], b"caf\xe9.h5"),
+        (
+            &["export", "design", "p.csv", "--scene", "scene.yaml"],
+            b"caf\xe9.vtkhdf",
+        ),
+        (&["solve", "scene.yaml", "p.csv"], b"caf\xe9.h5"),
+    ] {
+        let mut command = workspace.command(arguments);
+        let output = command.arg("-o").arg(std::ffi::OsStr::from_bytes(name));
+        let ended = super::common::Ended::from(output.output().unwrap());
+        assert_eq!(ended.code, Some(2), "{arguments:?}: {}", ended.stderr);
+        assert!(
+            ended.stderr.contains("is not UTF-8, so HDF5 cannot write there"),
+            "{arguments:?}: {}",
+            ended.stderr
+        );
+        assert_eq!(files(&workspace.path("")), before, "{arguments:?}");
+    }
 }

@@ -42,6 +42,7 @@ pub fn execute(arguments: &ExportCrateArguments, output: &Output) -> Result<Exit
     let pipeline = pipeline::load_with(&arguments.pipeline, &arguments.set)?;
     write::outside(&arguments.output)?;
     let folder = empty_folder(&arguments.output)?;
+    write::check_hdf5(&folder)?;
     let store = locate::existing_store(&arguments.store.folder_of(&arguments.pipeline))?;
     let built = built_stages(&pipeline, &store)?;
     if !built.missing.is_empty() {
