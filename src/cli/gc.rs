@@ -49,7 +49,7 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
         free: arguments.free,
     };
     let plan = store.plan_gc(&retention, store.now())?;
-    let figures = figures_of(&store, &plan.removed.iter().map(|artifact| artifact.digest).collect());
+    let mut figures = figures_of(&store, &plan.removed.iter().map(|artifact| artifact.digest).collect());
     for file in &plan.last_runs {
         output.warn(format_args!(
             "{} artifacts of the last run of {}: keep them with --keep-runs 1 or `deaflow pin`",
@@ -65,7 +65,8 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
         let bar = DelayedBar::new("gc", "artifacts");
         let at = Environment::system().now();
         let listed = store.remove(&plan, &at, &|done, total| bar.set(done, total));
-        let drawn = remove_figures(&figures);
+        let (removed, drawn) = remove_figures(figures);
+        figures = removed;
         bar.clear();
         if let Some(why) = listed? {
             output.warn(format_args!(

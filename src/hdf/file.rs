@@ -71,7 +71,7 @@ impl HdfFile {
     /// Returns the paths of the datasets, at most 1000.
     ///
     /// # Errors
-    /// If the file cannot be read.
+    /// If the file cannot be read, or has only links that lead to other files or nowhere.
     pub fn names(&self) -> Result<Vec<String>, HdfError> {
         self.plain(Request::Names, |response| match response {
             Response::Names(names) => Some(names),

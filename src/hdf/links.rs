@@ -17,6 +17,26 @@ pub(super) struct Contents {
     pub datasets: Vec<String>,
     /// Whether a link leads to another file, or not all links have been visited.
     leads_outside: bool,
+    /// The path of its first link, to another file if there is such a one.
+    link: Option<(String, LinkType)>,
+}
+
+impl Contents {
+    /// Returns the paths of the datasets.
+    ///
+    /// # Errors
+    /// If there are none, but a link that leads to another file or nowhere.
+    pub fn named(self, file: &File) -> Result<Vec<String>, Failure> {
+        let refused = |name: &str, why: &str| {
+            let why = format!("it contains no datasets, only links: {name:?} leads {why}");
+            Err(Failure::Refused(why))
+        };
+        match self.link.filter(|_| self.datasets.is_empty()) {
+            Some((name, LinkType::External)) => refused(&name, "to another file, which is not opened"),
+            Some((name, LinkType::Soft)) if file.loc_type_by_name(&name).is_err() => refused(&name, "nowhere"),
+            _ => Ok(self.datasets),
+        }
+    }
 }
 
 /// Lists the datasets of a file, in the order of their names.
@@ -33,8 +53,15 @@ pub(super) fn contents(file: &File) -> hdf5::Result<Contents> {
                 return Ok(found);
             }
             match link.link_type {
-                LinkType::External => found.leads_outside = true,
-                LinkType::Soft => {}
+                LinkType::External => {
+                    found.leads_outside = true;
+                    found.link = Some((format!("{path}{name}"), LinkType::External));
+                }
+                LinkType::Soft => {
+                    found
+                        .link
+                        .get_or_insert_with(|| (format!("{path}{name}"), LinkType::Soft));
+                }
                 LinkType::Hard => match group.loc_type_by_name(&name)? {
                     LocationType::Group => groups.push((group.group(&name)?, format!("{path}{name}/"))),
                     LocationType::Dataset if found.datasets.len() < DATASETS => {

@@ -68,9 +68,10 @@ impl OpenFile {
         })
     }
 
-    /// Returns the paths of the datasets, up to a maximum.
+    /// Returns the paths of the datasets, up to a maximum; an error if there are only links that lead to other files
+    /// or nowhere.
     pub fn names(&self) -> Result<Vec<String>, Failure> {
-        Ok(links::contents(&self.file)?.datasets)
+        links::contents(&self.file)?.named(&self.file)
     }
 
     /// Returns type and shape of a dataset, if it exists.

@@ -181,6 +181,41 @@ fn links_within_a_file_are_followed_and_those_to_other_files_are_not() {
     }
 }
 
+#[test]
+fn a_file_of_links_alone_is_not_called_empty() {
+    let folder = tempfile::tempdir().unwrap();
+    let names = |name: &str, content: &dyn Fn(&hdf5::File)| {
+        let path = folder.path().join(name);
+        write(&path, |file| content(file));
+        HdfFile::open_untrusted(&path).unwrap().names()
+    };
+    let circle = |file: &hdf5::File| {
+        file.link_soft("/b", "a").unwrap();
+        file.link_soft("/a", "b").unwrap();
+    };
+    let away = |file: &hdf5::File| {
+        circle(file);
+        file.link_external("other.h5", "/x", "group").unwrap();
+    };
+    for (name, content, said) in [
+        (
+            "circle.h5",
+            &circle as &dyn Fn(&hdf5::File),
+            "only links: \"a\" leads nowhere",
+        ),
+        ("away.h5", &away, "only links: \"group\" leads to another file"),
+    ] {
+        let error = names(name, content).unwrap_err().to_string();
+        assert!(error.contains(said), "{error}");
+    }
+    let group = |file: &hdf5::File| {
+        file.create_group("g").unwrap();
+        file.link_soft("/g", "way").unwrap();
+    };
+    assert!(names("group.h5", &group).unwrap().is_empty());
+    assert!(names("empty.h5", &|_| ()).unwrap().is_empty());
+}
+
 /// MATLAB writes the array p(y, x) of 2 rows and 3 columns as a dataset of 3 × 2.
 #[test]
 fn axes_of_matlab_are_reversed() {

@@ -31,7 +31,14 @@ impl FileKind {
         if let Some(format) = Format::of(path) {
             return Ok(Self::Array(format));
         }
-        match extension(path).as_str() {
+        let end = extension(path);
+        // Of `FILE.npy:/x` it is that of the file.
+        let names_dataset = path.extension().is_none_or(|own| !own.eq_ignore_ascii_case(&end));
+        match end.as_str() {
+            "npy" | "csv" | "txt" | "dat" | "tsv" | "asc" | "png" if names_dataset => {
+                Err(PatternFileError::new(format!("`.{end}` files have no named datasets"))
+                    .help("name the file alone, without `:/…`"))
+            }
             "csv" | "txt" | "dat" | "tsv" | "asc" => Ok(Self::Table),
             "png" => Ok(Self::Picture),
             "" => Err(PatternFileError::new("the file name has no extension").help(FORMS)),

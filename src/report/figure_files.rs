@@ -41,29 +41,30 @@ pub fn figures_of(store: &Store, artifacts: &BTreeSet<ArtifactId>) -> Vec<Figure
     figures.collect()
 }
 
-/// Removes figures, and folders that become empty.
-///
-/// # Errors
-/// If a file cannot be removed; the others are removed.
-pub fn remove_figures(figures: &[FigureFile]) -> Result<(), ReportError> {
+/// Removes figures, and folders that become empty. Returns the removed figures, and the first error: a file that
+/// cannot be removed does not keep the others.
+pub fn remove_figures(figures: Vec<FigureFile>) -> (Vec<FigureFile>, Result<(), ReportError>) {
     let failed = |path: &Path| {
         let path = path.to_owned();
         |source| ReportError::Replace { path, source }
     };
-    let mut removed = Ok(());
+    let (mut removed, mut done) = (Vec::new(), Ok(()));
     for figure in figures {
-        removed = removed.and(fs::remove_file(&figure.path).map_err(failed(&figure.path)));
+        match fs::remove_file(&figure.path).map_err(failed(&figure.path)) {
+            Ok(()) => removed.push(figure),
+            error => done = done.and(error),
+        }
     }
-    let folders: BTreeSet<&Path> = figures.iter().filter_map(|figure| figure.path.parent()).collect();
+    let folders: BTreeSet<&Path> = removed.iter().filter_map(|figure| figure.path.parent()).collect();
     for folder in folders {
         let owner = folder.join(OWNER_FILE);
         if entries(folder) == [owner.clone()] {
-            removed = removed
+            done = done
                 .and(fs::remove_file(&owner).map_err(failed(&owner)))
                 .and_then(|()| fs::remove_dir(folder).map_err(failed(folder)));
         }
     }
-    removed
+    (removed, done)
 }
 
 /// Returns the artifacts that a figure shows, according to its texts; `None` for other files.
@@ -84,4 +85,28 @@ fn entries(folder: &Path) -> Vec<PathBuf> {
     let mut paths: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
     paths.sort_unstable();
     paths
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_figure_that_cannot_be_removed_is_not_counted_and_keeps_no_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let figure = |name: &str| FigureFile {
+            path: folder.path().join(name),
+            bytes: 1,
+        };
+        let (first, stays, last) = (figure("a.png"), figure("b.png"), figure("c.png"));
+        for figure in [&first, &last] {
+            fs::write(&figure.path, "x").unwrap();
+        }
+        // A folder is not removed as a file.
+        fs::create_dir(&stays.path).unwrap();
+        let (removed, done) = remove_figures(vec![first.clone(), stays.clone(), last.clone()]);
+        assert_eq!(removed, [first, last]);
+        assert!(done.unwrap_err().to_string().contains("b.png"));
+        assert!(stays.path.exists());
+    }
 }

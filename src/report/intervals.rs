@@ -113,14 +113,18 @@ pub fn verdict<'i>(designs: impl Iterator<Item = (&'i NetworkInterval, Option<f6
         ),
     };
     let flagged = designs.iter().filter(|(interval, _)| interval.out_of_distribution);
+    let flagged = match flagged.count() {
+        0 => String::new(),
+        n => format!(
+            "; {n} of {} designs are out of distribution, so their intervals do not hold",
+            designs.len()
+        ),
+    };
     Some(format!(
-        "intervals of {:.0} %, calibrated on {}: {covered}; {} of {} designs are out of distribution, so their \
-         intervals do not hold; a search finds patterns with errors of the network, so intervals cover designs less \
-         often than samples",
+        "intervals of {:.0} %, calibrated on {}: {covered}{flagged}; a search finds patterns with errors of the \
+         network, so intervals cover designs less often than samples",
         100.0 * first.coverage,
         first.calibrated_on,
-        flagged.count(),
-        designs.len()
     ))
 }
 
@@ -219,6 +223,8 @@ pub(super) mod tests {
         ] {
             assert!(verdict.contains(part), "{part}: {verdict}");
         }
+        let without = super::verdict([(&all[0], None), (&all[2], None)].into_iter()).unwrap();
+        assert!(!without.contains("out of distribution"), "{without}");
         assert_eq!(super::verdict(std::iter::empty()), None);
         assert_eq!(
             all[1].to_string(),

@@ -128,10 +128,10 @@ impl RowSummary {
         (&self.case, &self.name) == (&other.case, &other.name)
     }
 
-    /// Its ratio to the optimum, and what that is; `None` of the optimum itself.
+    /// Its ratio to the optimum, and what that is; `None` of the optimum itself and of intuitive designs.
     fn share_of_optimum(&self) -> Option<(f64, &'static str)> {
         let both = self.ratio_to_optimum.zip(self.optimum_is);
-        both.filter(|_| self.role != Role::Optimum)
+        both.filter(|_| self.role != Role::Optimum && self.role.is_compared())
     }
 
     fn to_compare(&self) -> Compared<'_> {
@@ -373,15 +373,15 @@ fn nearest_of<'r>(row: &RowSummary, rows: &'r [RowSummary], role: Role) -> Optio
 /// Adds the comparisons with the other patterns of the target to a row.
 fn compared(row: &RowSummary, rows: &[RowSummary]) -> RowSummary {
     let mut found = row.clone();
+    let same = rows.iter().filter(|other| other.same_target(row));
+    let same: Vec<Compared<'_>> = same.map(RowSummary::to_compare).collect();
+    let comparison = comparison(&row.to_compare(), &same);
+    found.ratio_to_optimum = comparison.ratio;
+    found.optimum_is = comparison.optimum_is;
     if row.role.is_compared() && row.distance_mm.is_none() {
-        let same = rows.iter().filter(|other| other.same_target(row));
-        let same: Vec<Compared<'_>> = same.map(RowSummary::to_compare).collect();
-        let comparison = comparison(&row.to_compare(), &same);
         let gain_over = |other: Option<f64>| gain(row.simulated_mm?, other?);
         found.gain_own_area = gain_over(comparison.intuitive_own);
         found.gain_equal_area = gain_over(comparison.intuitive_equal_area);
-        found.ratio_to_optimum = comparison.ratio;
-        found.optimum_is = comparison.optimum_is;
     }
     found
 }

@@ -342,6 +342,7 @@ fn the_summary_has_predictions_simulations_and_gains() {
     assert_eq!(json[0]["rows"][0]["optimum_is"], optimum);
     assert_eq!(json[0]["rows"][2]["optimum_is"], serde_json::Value::Null);
     assert_eq!(json[0]["rows"][2]["ratio_to_optimum"], serde_json::Value::Null);
+    assert!((json[0]["rows"][3]["ratio_to_optimum"].as_f64().unwrap() - 0.78).abs() < 1e-12);
 }
 
 #[test]

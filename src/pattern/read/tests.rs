@@ -570,3 +570,15 @@ fn groups_are_read_as_numbers_grey_levels_and_indices() {
     }
     assert!(read_groups(&folder, "g.csv", fewer).unwrap_err().contains("1 to 2"));
 }
+
+#[test]
+fn files_without_names_have_no_named_datasets() {
+    let folder = Folder::new();
+    for (name, end) in [("a.npy", "npy"), ("A.CSV", "csv"), ("a.png", "png")] {
+        fs::write(folder.path(name), "x").unwrap();
+        let spec = format!("{}:/x", folder.path(name).display());
+        let error = read_patterns(&spec, PatternForm::PAPER).unwrap_err();
+        let said = format!("`.{end}` files have no named datasets");
+        assert!(error.to_string().contains(&said), "{error}");
+    }
+}

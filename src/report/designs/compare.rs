@@ -64,10 +64,11 @@ pub(crate) fn comparison(own: &Compared<'_>, all: &[Compared<'_>]) -> Comparison
     };
     let equal = nearest(Role::IntuitiveEqualArea).filter(|other| distance(other) <= SAME_AREA);
     let best = optimum(own, all);
-    // The ratio to a tiny or negative displacement means nothing.
+    // The ratio to a tiny or negative displacement means nothing. An intuitive design at its own area may be larger.
+    let has_ratio = !own.is_met && own.role != Role::Intuitive;
     let ratio = |(_, mm): &(&Compared<'_>, f64)| Some(own.simulated_mm? / mm);
     let ratio = best
-        .filter(|(_, mm)| !own.is_met && *mm > LEAST_MM)
+        .filter(|(_, mm)| has_ratio && *mm > LEAST_MM)
         .as_ref()
         .and_then(ratio);
     Comparison {
@@ -161,6 +162,11 @@ pub(crate) mod tests {
         assert_eq!(designs[0].compared.optimum, Some(1.85));
         assert_eq!(designs[1].compared.optimum, Some(2.0));
         assert_eq!(designs[1].compared.ratio, Some(0.95));
+        assert_eq!(
+            (designs[4].compared.ratio, designs[5].compared.ratio),
+            (None, Some(0.8)),
+            "own and equal area"
+        );
         assert_eq!(designs[1].compared.intuitive_own, Some(1.5));
         assert_eq!(designs[1].compared.intuitive_equal_area, Some(1.6));
         assert_eq!(designs[6].compared, Comparison::default());

@@ -128,7 +128,7 @@ fn drawing(design: &Design, description: &str, content: &Markup) -> Markup {
 
 /// Writes the displacement, then what it is compared with.
 fn numbers(design: &Design) -> Markup {
-    let ratio = design.compared.ratio.filter(|_| shows_optimum(design));
+    let ratio = design.compared.ratio.filter(|_| design.role != Role::Optimum);
     let value = match (simulated(design), design.predicted_mm) {
         (Some(simulated), _) => simulated,
         (None, Some(predicted)) => format!("{} mm predicted", mm(predicted)),
