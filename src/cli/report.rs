@@ -36,6 +36,7 @@ pub struct ReportArguments {
 
 pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, CliError> {
     let pipeline = pipeline::load_with(&arguments.pipeline, &arguments.set)?;
+    pipeline.bare_numbers.iter().for_each(|note| output.warn(note));
     pipeline.selection(arguments.until.as_deref())?;
     let store = locate::existing_store(&arguments.store.folder_of(&arguments.pipeline))?;
     let stages = plan(&pipeline, &store, arguments.until.as_deref(), &Environment::system())?;

@@ -443,10 +443,16 @@ fn a_number_without_a_unit_is_warned_of_once_with_how_it_was_read() {
         let text = tiny.run(arguments).stderr;
         text.matches("thickness: 1 as 1 mm").count()
     };
-    assert_eq!(told(&[&["explain", "tiny.yaml", "solved"][..], &set].concat()), 1);
+    for command in [
+        &["explain", "tiny.yaml", "solved"][..],
+        &["report", "tiny.yaml", "-o", "page"],
+    ] {
+        assert_eq!(told(&[command, &set].concat()), 1, "{command:?}");
+    }
     let text = std::fs::read_to_string(tiny.path("tiny.yaml")).unwrap();
     tiny.write("tiny.yaml", &text.replace("1.0 mm", "1"));
     assert_eq!(told(&["explain", "tiny.yaml", "solved"]), 1);
+    assert_eq!(told(&["report", "tiny.yaml", "-o", "page"]), 1);
     for command in ["dag", "status"] {
         assert_eq!(told(&[command, "tiny.yaml"]), 0, "{command}");
     }
