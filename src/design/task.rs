@@ -69,7 +69,6 @@ impl DesignTask {
         for target in &self.targets {
             refuse_points_on_frame(target, scene, node)?;
         }
-        refuse_no_area(&self.targets, map, stage)?;
         let node = map.optional("area").or(map.optional("constraints")).unwrap_or(stage);
         let tolerance = options.area_tolerance.to_f64();
         let mut areas = self.targets.iter().filter_map(|target| target.area.fraction());
@@ -140,20 +139,6 @@ fn read_constraints(node: &Node, scene: &Scene) -> Result<ConstraintParameters, 
             .help("add `dielectric_breakdown` to the scene's `properties`"));
     }
     Ok(constraints)
-}
-
-/// Refuses targets without area.
-fn refuse_no_area(targets: &[Target], map: &Map<'_>, stage: &Node) -> Result<(), InputError> {
-    let Some(number) = targets.iter().position(|target| target.area.fraction() == Some(0.0)) else {
-        return Ok(());
-    };
-    let items = map.optional("targets").and_then(|list| list.list("targets").ok());
-    let own = items.and_then(|items| items.get(number)?.peek("area"));
-    Err(own
-        .or(map.optional("area"))
-        .unwrap_or(stage)
-        .error("`area` is 0, and a design needs electrodes")
-        .help("allowed: an area fraction above 0, or `free`"))
 }
 
 /// Refuses a target with a point on a frame, which does not move.

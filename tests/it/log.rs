@@ -106,7 +106,7 @@ fn runs_are_listed_with_what_was_changed_built_and_found() {
 #[test]
 fn a_failed_stage_stands_in_the_list() {
     let workspace = Workspace::new();
-    let broken = SHORT.replace("{ kind: solve, needs: [small], elements_per_cell: 1 }", "{ kind: solve, needs: [small], elements_per_cell: 1 }\n  none: { kind: balance, needs: [solved], bins: 5, range: [90 mm, 99 mm], target: 4, seed: 4 }");
+    let broken = SHORT.replace("{ kind: solve, needs: [small], elements_per_cell: 1 }", "{ kind: solve, needs: [small], elements_per_cell: 1 }\n  none: { kind: balance, needs: [solved], bins: 5, range: [60 mm, 70 mm], target: 4, seed: 4 }");
     workspace.write("short.yaml", &broken);
     assert_eq!(workspace.run(&["run", "short.yaml"]).code, Some(1));
     let stages = log(&workspace, &[])[0]["stages"].clone();

@@ -192,10 +192,6 @@ fn a_range_that_no_displacement_reaches_is_refused_by_plan() {
 
 #[test]
 fn areas_and_distances_that_no_design_has_are_refused_by_plan() {
-    let none = DESIGN.replace("area: 0.4", "area: 0 %") + " }";
-    refuses(SCENE, &[&none], 5, "`area` is 0, and a design needs electrodes");
-    let of_target = DESIGN.replace("objective: {", "targets: [{ name: one, area: 0, objective: {") + " }] }";
-    refuses(SCENE, &[&of_target], 5, "`area` is 0, and a design needs electrodes");
     let several = |distance: &str| format!("{DESIGN}, designs: 8, distance: {distance} }}");
     refuses(
         SCENE,
