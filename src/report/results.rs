@@ -39,7 +39,7 @@ pub struct RunResults {
 
 impl RunResults {
     /// Reads the artifacts of a run and draws the missing figures. `model_warnings` are the neglected effects that are
-    /// significant; `observing` are the stages whose scene may have effects with [warnings](observed_warnings).
+    /// significant; `observing` are the stages whose scene may have effects with warnings about what is observed.
     ///
     /// A figure that cannot be written (disk full) is a warning.
     ///
