@@ -15,9 +15,7 @@ use deaflow_base::{error_digits, four_digits, measured, range_ends, rounded_by};
 use deaflow_fem::CriticalVoltage;
 use deaflow_field::{Field, Mesh, OutcomeKind};
 use deaflow_report::mm_measured;
-
-/// From this share of the breakdown field on, a pattern is close to it; screening has the same threshold.
-const CLOSE_TO_BREAKDOWN: f64 = 0.8;
+use deaflow_scene::Breakdown;
 
 /// Up to this many patterns are listed one by one.
 pub const FEW: usize = 20;
@@ -343,7 +341,7 @@ pub fn remarks(results: &[SampleResult], critical_note: Option<&str>) -> Text {
         })
     });
     add_lines(&mut text, Tone::Caution, results, |result| {
-        let ratio = result.breakdown_ratio.filter(|ratio| *ratio >= CLOSE_TO_BREAKDOWN)?;
+        let ratio = result.breakdown_ratio.filter(|ratio| *ratio >= Breakdown::NEAR)?;
         Some(match ratio >= 1.0 {
             true => format!("the electric field exceeds the breakdown field: E/E_B = {ratio:.2}"),
             false => format!("the electric field is close to the breakdown field: E/E_B = {ratio:.2}"),

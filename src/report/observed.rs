@@ -3,10 +3,8 @@
 use super::artifacts::{ArtifactReader, RunArtifacts, StageArtifact};
 use super::error::ReportError;
 use deaflow_content::{Solutions, SolutionsView};
+use deaflow_scene::Breakdown;
 use deaflow_scene::effects::names::{BREAKDOWN, STABILITY};
-
-/// From this share of the breakdown field on, samples are close to it; screening has the same threshold.
-const NEAR: f64 = 0.8;
 
 /// Warns of samples beyond the breakdown field, or else of those close to it, and of samples that a finer mesh could
 /// reject. Only the stages in `observing` are opened; estimates and verified designs have no observations.
@@ -42,10 +40,11 @@ fn of_breakdown(source: &ArtifactReader<'_>, view: &SolutionsView<'_>) -> Result
     let ratios = source.of(ratios)?.unwrap_or_default();
     let (n, stage) = (ratios.len(), &source.stage.stage);
     let from = |least: f64| ratios.iter().filter(|ratio| **ratio >= least).count();
-    Ok(match (from(1.0), from(NEAR)) {
+    Ok(match (from(1.0), from(Breakdown::NEAR)) {
         (0, 0) => None,
         (0, near) => Some(format!(
-            "{stage}: {near} of {n} samples are close to the breakdown field: E/E_B is {NEAR} or more"
+            "{stage}: {near} of {n} samples are close to the breakdown field: E/E_B is {} or more",
+            Breakdown::NEAR
         )),
         (beyond, _) => Some(format!("{stage}: {beyond} of {n} samples exceed the breakdown field")),
     })
@@ -57,8 +56,8 @@ fn of_stability(source: &ArtifactReader<'_>, view: &SolutionsView<'_>) -> Result
     let near = near.into_iter().filter(|near| *near).count();
     Ok((near > 0).then(|| {
         format!(
-            "{stage}: {near} of {n} samples converged near the limit: a finer mesh could reject them, as their critical \
-             voltage on this one is hardly above that of the scene; set `accuracy`"
+            "{stage}: {near} of {n} samples converged near the limit: a finer mesh could reject them, as their \
+             critical voltage on this one is hardly above that of the scene; set `accuracy`"
         )
     }))
 }

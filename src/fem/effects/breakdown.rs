@@ -41,8 +41,6 @@ pub fn breakdown_strength_or_default(scene: &Scene) -> Breakdown {
 /// The effect, as an entry of [`super::EFFECTS`].
 pub struct DielectricBreakdown;
 
-const THRESHOLD: f64 = 0.8;
-
 impl Effect for DielectricBreakdown {
     fn name(&self) -> &'static str {
         names::BREAKDOWN
@@ -65,7 +63,7 @@ impl Effect for DielectricBreakdown {
             Some(_) => "max E/E_B",
             None => "max E/E_B (Huang's law assumed)",
         };
-        let open = |verdict, change| Some(Significance::open(quantity, verdict, THRESHOLD, change));
+        let open = |verdict, change| Some(Significance::open(quantity, verdict, Breakdown::NEAR, change));
         let Some(worst) = solutions.worst(|one| one.field) else {
             return open(Verdict::Unknown, "no patterns".to_owned());
         };
@@ -74,7 +72,7 @@ impl Effect for DielectricBreakdown {
         let known = Significance::known(
             quantity,
             worst.field,
-            THRESHOLD,
+            Breakdown::NEAR,
             format!("the field is largest for `{}`{state}", worst.pattern),
         );
         // An unstable membrane gets thinner, so the field at rest is a lower bound.

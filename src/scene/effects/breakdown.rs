@@ -25,6 +25,9 @@ parameters! {
 }
 
 impl Breakdown {
+    /// From this share of the breakdown field on, a pattern is close to breakdown.
+    pub const NEAR: f64 = 0.8;
+
     /// Returns the breakdown strength in V/m for an undeformed thickness in mm and an area stretch J.
     #[must_use]
     pub fn strength(&self, thickness_mm: f64, area_stretch: f64) -> f64 {
