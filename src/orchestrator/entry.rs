@@ -3,6 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::kind::Kind;
+use super::without::{WITHOUT, names_stage};
 use deaflow_base::{InputError, Node, Schema, is_plain_name, nearest};
 
 /// Maximum length of the name of a pipeline or stage.
@@ -202,18 +203,6 @@ pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), Input
         ),
     };
     Err(node.error(message).help(advice))
-}
-
-/// The key that names stages and files whose rows a stage leaves out.
-pub const WITHOUT: &str = "without";
-
-/// Whether an item of `without` names a stage; the others name files.
-#[must_use]
-pub fn names_stage(item: &str) -> bool {
-    // The stages of sweeps have an @ in their names.
-    item.split('@')
-        .next()
-        .is_some_and(|base| is_plain_name(base, usize::MAX))
 }
 
 /// Stages, as indices in the file, and where they are named.

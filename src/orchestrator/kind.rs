@@ -9,6 +9,7 @@ use std::sync::{Mutex, PoisonError};
 use super::declaration::StageDeclaration;
 use super::lock_difference::LockDifference;
 use super::scratch::Scratch;
+use super::without::named_files;
 use deaflow_base::{ArtifactId, Canonical, Fields, InputError, Node, NodeValue, Progress, Stopped};
 use deaflow_store::{Artifact, Object, ObjectError, StoreError};
 
@@ -90,10 +91,13 @@ pub trait Kind: Sync {
         Ok(Vec::new())
     }
 
-    /// Returns the files that a stage names, relative to the file of the pipeline.
+    /// Returns the files that a stage names, relative to the file of the pipeline: those of `without`, if there is such
+    /// a key.
     fn files(&self, stage: &Node) -> Vec<String> {
-        let _ = stage;
-        Vec::new()
+        match self.without().is_empty() {
+            true => Vec::new(),
+            false => named_files(stage),
+        }
     }
 
     /// Checks a stage and its needs before any work, after all stages have been read. It must be fast. Returns warnings

@@ -33,10 +33,11 @@ mod stage_work;
 mod staleness;
 mod sweep;
 mod time_shares;
+mod without;
 
 pub use built_stages::{BuiltStage, BuiltStages, built_stages};
 pub use declaration::StageDeclaration;
-pub use entry::{Registry, WITHOUT, names_stage, suggestion};
+pub use entry::{Registry, suggestion};
 pub use event::{Event, Listener, Outcome, StageReport};
 pub use execution::Failure;
 pub use explain::{Explanation, LastRun, explain};
@@ -55,6 +56,7 @@ pub use spec::{Pipeline, StageSpec, file_of, splice_scene};
 pub use stage_progress::{Readiness, StageProgress, stage_progress};
 pub use staleness::{Staleness, as_set, is_filled};
 pub use sweep::{MANY_STAGES, MOST_STAGES, Sweep};
+pub use without::{WITHOUT, names_stage};
 
 #[cfg(test)]
 mod tests;

@@ -78,8 +78,8 @@ pub struct RunOutcome {
 /// built stays.
 ///
 /// # Errors
-/// If there is no stage of the name in `until`, the pipeline differs from its lock file, an input of a stage is certainly
-/// wrong, or the store cannot be read or written. The failure of a stage is in the outcome.
+/// If there is no stage of the name in `until`, the pipeline differs from its lock file, an input of a stage is
+/// certainly wrong, or the store cannot be read or written. The failure of a stage is in the outcome.
 pub fn run(
     pipeline: &Pipeline,
     store: &Store,

@@ -43,14 +43,9 @@ impl Kind for BalanceKind {
         without::LISTING
     }
 
-    fn files(&self, stage: &Node) -> Vec<String> {
-        without::named_files(stage)
-    }
-
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         without::check(stage, needs)?;
-        needed::one_state(stage, needs)?;
-        needed::one_scene(stage, needs)?;
+        needed::one_device(stage, needs)?;
         check_range(stage, needs)?;
         Ok(StageCheck::default())
     }

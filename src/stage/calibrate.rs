@@ -44,14 +44,9 @@ impl Kind for CalibrateKind {
         without::LISTING
     }
 
-    fn files(&self, stage: &Node) -> Vec<String> {
-        without::named_files(stage)
-    }
-
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         without::check(stage, needs)?;
-        needed::one_state(stage, needs)?;
-        needed::one_scene(stage, needs)?;
+        needed::one_device(stage, needs)?;
         let models = needed::count(needs, &["train"]);
         if models != 1 {
             return Err(needed::wrong_number(

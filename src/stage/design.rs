@@ -334,8 +334,8 @@ fn check_calibration(
     needed::own_calibrations(stage, needs)
 }
 
-/// Refuses a breakdown margin that no pattern that moves can reach. Electrodes expand under voltage, so the field in one of their
-/// cells is at least that of the membrane at rest.
+/// Refuses a breakdown margin that no pattern that moves can reach. Electrodes expand under voltage, so the field in one
+/// of their cells is at least that of the membrane at rest.
 fn check_breakdown_margin(task: &DesignTask, scene: &Scene, node: &Node) -> Result<(), InputError> {
     let constraints = task.constraints.constraints();
     let (Some(margin), Some(strength)) = (constraints.limits().breakdown_margin, scene.breakdown_strength()) else {

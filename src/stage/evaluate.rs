@@ -66,8 +66,7 @@ impl Kind for EvaluateKind {
     }
 
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
-        needed::one_state(stage, needs)?;
-        needed::one_scene(stage, needs)?;
+        needed::one_device(stage, needs)?;
         let estimates = stage
             .node
             .peek("estimates")

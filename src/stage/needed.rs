@@ -77,11 +77,17 @@ pub fn scene_of(needs: &[StageDeclaration<'_>]) -> Option<Scene> {
     read_of(&origin)
 }
 
-/// Refuses needs of different scenes, as sweeps make them: no network and no calibration is of two scenes.
+/// Refuses needs of different states of the device, or of different scenes.
 ///
 /// # Errors
-/// If two needs, or what they are made from, have different scenes.
-pub fn one_scene(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
+/// As [`one_state`]; or if two needs, or what they are made from, have different scenes.
+pub fn one_device(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
+    one_state(stage, needs)?;
+    one_scene(stage, needs)
+}
+
+/// Refuses needs of different scenes, as sweeps make them: no network and no calibration is of two scenes.
+fn one_scene(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
     let read = |stage: &StageDeclaration<'_>| read_of(stage).map(|scene| scene.without_time());
     let mut origins = needs
         .iter()

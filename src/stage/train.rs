@@ -73,14 +73,9 @@ impl Kind for TrainKind {
         without::LISTING
     }
 
-    fn files(&self, stage: &Node) -> Vec<String> {
-        without::named_files(stage)
-    }
-
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         without::check(stage, needs)?;
-        needed::one_state(stage, needs)?;
-        needed::one_scene(stage, needs)?;
+        needed::one_device(stage, needs)?;
         needed::no_designs_in_states(stage, needs)?;
         if needed::count(needs, &["train"]) > 1 {
             return Err(needed::wrong_number(

@@ -193,16 +193,6 @@ impl Without {
     }
 }
 
-/// Returns the files that the key names.
-pub fn named_files(stage: &Node) -> Vec<String> {
-    let items = stage.peek(WITHOUT).and_then(|items| items.list(WITHOUT).ok());
-    let names = items
-        .unwrap_or_default()
-        .iter()
-        .filter_map(|item| item.text(WITHOUT).ok());
-    names.filter(|name| !names_stage(name)).map(str::to_owned).collect()
-}
-
 /// Checks that each audit that a stage names audits a dataset that the stage reads, and does not stop it.
 ///
 /// # Errors
@@ -224,12 +214,7 @@ pub fn check(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Re
         else {
             continue;
         };
-        let audited = audit.node.peek("needs").map(|needs| needs.list("needs")).transpose()?;
-        let audited: Vec<&str> = audited
-            .unwrap_or_default()
-            .iter()
-            .filter_map(|need| need.text("needs").ok())
-            .collect();
+        let audited: Vec<&str> = audit.needs().map(|need| need.name).collect();
         if !audited.iter().any(|name| datasets.contains(name)) {
             let message = format!(
                 "`{name}` audits `{}`, which stage `{}` does not read: its rows are others",

@@ -36,8 +36,8 @@ const BILINEAR: &str =
 const ONE_MESH: &str = "critical voltages of a single mesh are slightly too high: --path estimates their error";
 
 /// What `--no-checks` leaves open.
-const NOT_CHECKED: &str = "not checked, because of --no-checks: whether a finer mesh finds a stable solution, and how much \
-                           neglected effects would change the displacement";
+const NOT_CHECKED: &str = "not checked, because of --no-checks: whether a finer mesh finds a stable solution, and how \
+                           much neglected effects would change the displacement";
 
 /// What warnings call a pattern.
 const NAME: &str = "pattern";

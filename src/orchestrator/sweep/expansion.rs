@@ -8,9 +8,10 @@ use super::settings::{Setting, Settings, joined, key, name, value_of};
 use super::substitute::Substitution;
 use super::template::{axes_in, is_template};
 use super::{MANY_STAGES, Sweep};
-use crate::entry::{Registry, WITHOUT, names_stage, refuse_cycle_of, suggestion};
+use crate::entry::{Registry, refuse_cycle_of, suggestion};
 use crate::graph;
 use crate::kind::Kind;
+use crate::without::{WITHOUT, names_stage};
 use deaflow_base::{InputError, Node, NodeValue, nearest};
 
 /// The key that ends axes.

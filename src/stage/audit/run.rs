@@ -35,8 +35,8 @@ pub struct Request {
     pub accuracy: Option<Quantity>,
 }
 
-/// Audits a file in the layout of `deaflow solve` by simulations in a scene. Returns the content that the artifact of an
-/// audit stage would have.
+/// Audits a file in the layout of `deaflow solve` by simulations in a scene. Returns the content that the artifact of
+/// an audit stage would have.
 ///
 /// # Errors
 /// If the file cannot be read, or a simulator cannot be set up.
