@@ -19,6 +19,11 @@ const MOST_BYTES: u64 = 64 << 20;
 const LARGEST: f64 = 1e6;
 /// The largest time of a table in s.
 const LATEST: f64 = 1e12;
+/// Number of rows below which a table has no noise, and the sum of the distances of all rows from a smooth drive,
+/// relative to the largest squared voltage, above which it has noise. Larger distances of a row are corners.
+const FEWEST_NOISY: usize = 200;
+const NOISY: f64 = 0.2;
+const CORNER: f64 = 0.05;
 /// The allowed forms of a table.
 const ROWS: &str = "allowed: a file with the columns t_s,voltage_V in the folder of the scene, \
                     or rows as in [[0 s, 0 V], [1 s, 5 kV]]";
@@ -302,6 +307,13 @@ impl Waveform {
         knots
     }
 
+    /// Returns the noise of a table: the typical distance in V² of the squared voltage of a row from a smooth curve
+    /// through the neighbouring rows; `None` for a drive without noise.
+    #[must_use]
+    pub fn noise(&self) -> Option<f64> {
+        self.table.as_ref()?.noise()
+    }
+
     /// Returns the angular frequency of a sine in 1/s.
     #[must_use]
     pub fn angular_frequency(&self) -> Option<f64> {
@@ -329,6 +341,35 @@ impl Table {
         let first = self.0.partition_point(|[time, _]| time.to_f64() <= from);
         let rows = &self.0[first..];
         &rows[..rows.partition_point(|[time, _]| time.to_f64() < to)]
+    }
+
+    /// Returns the noise of the squared voltage: the median difference of the offset of a row, from the line through
+    /// its neighbours, from the mean offset of its neighbours. Offsets of a smooth drive change little from row to row.
+    /// There is noise if the sum of these differences, without corners, exceeds a fraction of the largest squared
+    /// voltage.
+    fn noise(&self) -> Option<f64> {
+        let rows: Vec<[f64; 2]> = self.rows().map(|[time, voltage]| [time, voltage * voltage]).collect();
+        if rows.len() < FEWEST_NOISY {
+            return None;
+        }
+        let offset = |rows: &[[f64; 2]]| {
+            let [[start, low], [time, square], [end, high]] = [rows[0], rows[1], rows[2]];
+            square - (low + (high - low) * (time - start) / (end - start))
+        };
+        let without_jumps = rows
+            .windows(5)
+            .filter(|rows| rows.windows(2).all(|pair| pair[0][0] < pair[1][0]));
+        let mut distances: Vec<f64> = without_jumps
+            .map(|rows| (offset(&rows[1..4]) - 0.5 * (offset(&rows[..3]) + offset(&rows[2..]))).abs())
+            .collect();
+        let largest = rows.iter().fold(0.0, |largest: f64, [_, square]| largest.max(*square));
+        let small = distances.iter().filter(|distance| **distance <= CORNER * largest);
+        if small.sum::<f64>() <= NOISY * largest {
+            return None;
+        }
+        let middle = distances.len() / 2;
+        let (_, level, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
+        Some(*level)
     }
 
     /// Returns the jumps and kinks at the rows after 0 s.
@@ -528,6 +569,41 @@ mod tests {
         let knots = waveform.knots(2.0);
         assert_eq!(knots.len(), 1001);
         assert!(knots[1..].iter().all(|knot| knot.offset < 1e-5 * 25e6), "{knots:?}");
+    }
+
+    #[test]
+    fn noise_is_found_among_many_rows_and_corners_and_smooth_drives_have_none() {
+        let noise = |rows: u32, volts: &dyn Fn(f64) -> f64| {
+            let times = (0..=rows).map(|k| f64::from(k) / f64::from(rows));
+            let lines: Vec<String> = times.map(|time| format!("{time},{}", volts(time))).collect();
+            of_table(&format!("t_s,voltage_V\n{}\n", lines.join("\n"))).noise()
+        };
+        let quarter = |time: f64| 4e3 * (0.25 * TAU * time).sin();
+        let pulse = |time: f64| {
+            if (0.7..0.71).contains(&time) {
+                quarter(100.0 * (time - 0.7))
+            } else {
+                0.0
+            }
+        };
+        let square = |time: f64| if (10.0 * time).fract() < 0.5 { 4e3 } else { 0.0 };
+        let triangle = |time: f64| 4e3 * (1.0 - (2.0 * time - 1.0).abs());
+        let smooth: [&dyn Fn(f64) -> f64; 4] = [&quarter, &pulse, &square, &triangle];
+        for (at, volts) in smooth.iter().enumerate() {
+            for rows in [100, 2000, 10_000] {
+                assert_eq!(noise(rows, volts), None, "{at} {rows}");
+            }
+        }
+        // Noise of both signs with a mean square of 4 V, and 8 bits.
+        let noisy = |time: f64| quarter(time) + 4.0 * 2.0_f64.sqrt() * (1e3 * (2.3e7 * time * time).sin()).sin();
+        let bits = |time: f64| (quarter(time) / 16.0).round() * 16.0;
+        assert_eq!(noise(100, &noisy), None);
+        for rows in [2000, 10_000] {
+            // The square of 4 kV changes by 8 kV times the noise.
+            let found = noise(rows, &noisy).unwrap();
+            assert!((0.5..2.0).contains(&(found / (8e3 * 4.0))), "{rows}: {found}");
+            assert!(noise(rows, &bits).is_some(), "{rows}");
+        }
     }
 
     #[test]

@@ -163,7 +163,8 @@ impl SolverParameters {
     }
 
     /// Returns the revision to add to the RECIPE of a kind. Three passes are extrapolated in histories, where once the
-    /// last of four was taken; errors of motions are those over all times, and steps may contain rows of a table;
+    /// last of four was taken; errors of motions are those over all times, and steps may contain rows of a table, whose
+    /// noise is averaged over steps;
     /// energies of stiffening membranes, which only histories report, contain logarithms; the
     /// error of an accurate equilibrium comes from a solution with a loose tolerance on the finer mesh; [`revision_of`]
     /// covers the scene.
@@ -173,12 +174,10 @@ impl SolverParameters {
         let in_time = u32::from(self.follows_time());
         let has_loose_errors = self.accuracy().is_some() && !self.follows_time() && scene.drive.charge.is_none();
         let moves = scene.auto || scene.effects.inertia.is_some();
-        let has_table = scene
-            .drive
-            .waveform
-            .as_ref()
-            .is_some_and(|waveform| waveform.table.is_some());
-        let of_drive = 8 * u32::from(moves || has_table);
+        let waveform = scene.drive.waveform.as_ref();
+        let has_table = waveform.is_some_and(|waveform| waveform.table.is_some());
+        let has_noise = waveform.is_some_and(|waveform| waveform.noise().is_some());
+        let of_drive = 8 * u32::from(moves || has_table) + 16 * u32::from(has_noise);
         u32::from(has_loose_errors)
             + in_time * (1 + 2 * u32::from(has_logarithms) + of_drive)
             + revision_on(scene, self.nodes_per_cell())

@@ -11,7 +11,7 @@ use super::motion::Motion;
 use super::pass::{Instant, MOST_STEPS, NEGLIGIBLE, Pass, PassEnd, Steps};
 use super::supply::Supply;
 use super::trace::Trace;
-use super::transient::{Estimate, FixedCharge, StepEstimate, TransientProblem, knots};
+use super::transient::{Estimate, FixedCharge, StepEstimate, TransientProblem, kink_with_noise, knots};
 use crate::charge;
 use crate::effects::WithMaterial;
 use crate::error::SetupError;
@@ -24,7 +24,7 @@ use crate::stability::Loss;
 use crate::work::WorkLimit;
 use deaflow_field::{Field, Outcome};
 use deaflow_pattern::Pattern;
-use deaflow_scene::{Scene, ViscousLaw};
+use deaflow_scene::{Scene, ViscousLaw, Waveform};
 
 /// Default error in time, relative to the largest displacement at each time.
 pub const USUAL_ERROR: f64 = 2e-5;
@@ -240,7 +240,7 @@ impl MembraneSolver {
     fn check_steps(&self, request: &HistoryRequest, moving: Option<&Moving>) -> Result<(), SetupError> {
         let waveform = self.scene.waveform();
         let end = request.times.last().copied().unwrap_or(0.0);
-        let stops = knots(&waveform, end, self.kink(request)).len() - 1 + request.times.len();
+        let stops = knots(&waveform, end, self.kink(request, &waveform)).len() - 1 + request.times.len();
         // Two halvings give the error of a motion, one that of equilibria.
         let (step, passes) = match (moving, &waveform.sine) {
             (Some(moving), _) => (moving.step, 4.0),
@@ -268,10 +268,10 @@ impl MembraneSolver {
     }
 
     /// Returns the largest offset in V² of a kink that the first steps may contain: that of a displacement below their
-    /// tolerance.
-    fn kink(&self, request: &HistoryRequest) -> f64 {
+    /// tolerance, or of noise.
+    fn kink(&self, request: &HistoryRequest, waveform: &Waveform) -> f64 {
         let share = self.first_difference(request) / ERROR_PER_DIFFERENCE / (MOVED * self.scene.side_mm());
-        share.min(KINK) * self.scene.voltage_v().powi(2)
+        kink_with_noise(waveform, share.min(KINK) * self.scene.voltage_v().powi(2))
     }
 
     fn conclude(&self, coarse: &Pass, fine: Refined, is_estimate: bool) -> History {
@@ -402,12 +402,13 @@ impl WithMaterial for Follow<'_> {
             moving,
         } = self;
         let waveform = solver.scene.waveform();
-        let kink = solver.kink(request);
+        let kink = solver.kink(request, &waveform);
         let transient = TransientProblem {
             problem: solver.problem(activity, material),
             scene: &solver.scene,
             knots: knots(&waveform, request.times.last().copied().unwrap_or(0.0), kink),
             kink,
+            noisy: waveform.noise().is_some(),
             waveform,
             supply: Supply::of(&solver.scene),
             conductor: Conductor::of(&solver.scene, activity),
@@ -442,7 +443,7 @@ impl WithMaterial for Follow<'_> {
                 step,
                 parts: 1,
             };
-            return refine_motion(request, &transient.limit, |halvings, last| {
+            return refine_motion(request, (&transient.limit, transient.noisy), |halvings, last| {
                 last.into_iter().for_each(watch);
                 motion.parts = 1 << halvings;
                 motion.pass()
@@ -462,7 +463,17 @@ impl WithMaterial for Follow<'_> {
             };
             return (coarse, refined);
         }
-        refine(coarse, request, (&transient.limit, solver.tolerance), |coarse| {
+        let mut spent = Spent::new(&transient.limit);
+        coarse = spent.count(coarse);
+        if transient.noisy && coarse.end == PassEnd::Done {
+            // The first pass has averaged the drive over steps that it did not know all of.
+            let again = spent.count(transient.pass(Steps::At(&coarse.steps), &mut workspace));
+            if again.is_cut_short() {
+                return spent.cut_short(again, Some(coarse));
+            }
+            coarse = again;
+        }
+        refine(coarse, request, (spent, solver.tolerance, transient.noisy), |coarse| {
             // All passes watch the same corner, since they are extrapolated from each other.
             if transient.watched.get() == [0; 2] {
                 watch(coarse);
@@ -499,7 +510,10 @@ impl<'a> Spent<'a> {
     /// Ends with a pass that the work limit cut short before an error was known: returns the one that got further, this
     /// or the one before it.
     fn cut_short(&self, pass: Pass, before: Option<Pass>) -> (Pass, Refined) {
-        let reached = |pass: &Pass| pass.instants.last().map_or(0.0, |instant| instant.time);
+        let reached = |pass: &Pass| {
+            let time = pass.instants.last().map_or(0.0, |instant| instant.time);
+            (pass.fields.len(), time)
+        };
         let furthest = match before {
             Some(before) if reached(&before) > reached(&pass) => before,
             _ => pass,
@@ -561,16 +575,14 @@ fn largest(fields: &[Field]) -> f64 {
 
 /// Halves the steps pass by pass until the error is small enough; returns the last two passes, extrapolated if three
 /// passes show that this is more accurate. The tolerance of equilibria adds an error of `rounding` times the
-/// displacement.
+/// displacement. The error of a drive with noise is a whole difference. `spent` has counted the first pass.
 fn refine(
-    first: Pass,
+    mut coarse: Pass,
     request: &HistoryRequest,
-    (limit, rounding): (&Cell<WorkLimit>, f64),
+    (mut spent, rounding, noisy): (Spent<'_>, f64, bool),
     mut halve: impl FnMut(&Pass) -> Pass,
 ) -> (Pass, Refined) {
-    let mut spent = Spent::new(limit);
     let mut before: Option<Pass> = None;
-    let mut coarse = spent.count(first);
     if coarse.is_cut_short() {
         return spent.cut_short(coarse, None);
     }
@@ -590,13 +602,19 @@ fn refine(
             .as_ref()
             .and_then(|before| Extrapolation::of([before, &coarse, &fine]));
         let extrapolated = extrapolated.filter(|found| found.error() < share * difference);
-        let error = rounded + extrapolated.as_ref().map_or(share * difference, Extrapolation::error);
+        let smooth = extrapolated.as_ref().map_or(share * difference, Extrapolation::error);
+        // What averages of noise over steps leave is random: two passes may agree by chance.
+        let random = f64::max(difference, old.map_or(0.0, |old| 0.25 * old));
+        let in_steps = rounded + if noisy { smooth.max(random) } else { smooth };
+        let error = in_steps + fine.noise;
         let is_small = match (request.accuracy_mm, &extrapolated) {
+            // Shorter steps do not lower the effect of noise.
+            (Some(accuracy), _) if fine.noise > accuracy => in_steps <= accuracy,
             (Some(accuracy), _) => error <= accuracy,
             (None, Some(found)) => found.relative_error(NEGLIGIBLE) <= USUAL_ERROR,
             (None, None) => has_all(&fine, &coarse) && share * fine.relative_difference(&coarse) <= USUAL_ERROR,
         };
-        let is_enough = is_small && end_together(&fine, &coarse);
+        let is_enough = is_small && end_together(&fine, &coarse) && (!noisy || old.is_some());
         // If it falls slowly, the solution is not smooth in time, as with vibrations of the mesh after a jump.
         let is_slow = halvings >= PATIENCE && old.is_some_and(|old| difference > 0.5 * old);
         let is_last = is_enough || is_slow || halvings == MOST_HALVINGS || fine.is_last();
@@ -623,7 +641,7 @@ fn refine(
 /// Halves the steps pass by pass until the fields extrapolated to zero step length hardly change.
 fn refine_motion(
     request: &HistoryRequest,
-    limit: &Cell<WorkLimit>,
+    (limit, noisy): (&Cell<WorkLimit>, bool),
     mut pass_with: impl FnMut(u32, Option<&Pass>) -> Pass,
 ) -> (Pass, Refined) {
     let mut spent = Spent::new(limit);
@@ -667,8 +685,12 @@ fn refine_motion(
             false => (fine.fields.clone(), new),
         };
         let wanted = request.accuracy_mm.unwrap_or(USUAL_ERROR * largest(&fields));
+        let is_small = error <= wanted;
+        // What averages of noise over steps leave does not fall at fourth order.
+        let error = if noisy { error.max(moved) } else { error };
+        let is_small = is_small && request.accuracy_mm.is_none_or(|accuracy| error <= accuracy);
         let is_slow = halvings >= PATIENCE && new > 0.6 * old;
-        let is_last = error <= wanted || is_slow || halvings == MOST_HALVINGS_OF_MOTION || fine.is_last();
+        let is_last = is_small || is_slow || halvings == MOST_HALVINGS_OF_MOTION || fine.is_last();
         let finer = (!is_last).then(|| spent.count(pass_with(halvings + 1, Some(&fine))));
         let Some(finer) = finer.filter(|finer| !finer.is_cut_short()) else {
             let refined = Refined {

@@ -7,11 +7,13 @@
 
 mod energies;
 mod loading;
+mod noise;
 mod states;
 mod supply;
 
 use super::leads::{Charged, Conductor};
 use super::pass::{Instant, MOST_STEPS, Pass, PassEnd, Steps, magnitude_at};
+use super::smoothing::Smoothed;
 use super::trace::Trace;
 use super::transient::{StepEstimate, TransientProblem};
 use super::viscous::{BranchEnergy, Viscous};
@@ -19,6 +21,7 @@ use crate::continuation::StepFailure;
 use crate::material::Material;
 use crate::newton::Workspace;
 use crate::stored::{Content, Units};
+use deaflow_scene::Side;
 
 /// Smallest step relative to the time since the start of the drive: the bracket of a delayed loss of stability.
 const SMALLEST: f64 = 1e-5;
@@ -45,6 +48,8 @@ struct StepState {
 struct PastState {
     time: f64,
     u: Vec<f64>,
+    /// Voltage of the drive in V.
+    drive: f64,
     /// Potentials on the electrodes, if they have a resistance.
     potential: Vec<f64>,
 }
@@ -69,6 +74,11 @@ impl<L: Material, F: Fn(f64) -> L> TransientProblem<'_, F> {
             viscous,
             u: vec![0.0; activity.grid().layout().vector_len()],
             volts: 0.0,
+            volts_before: 0.0,
+            smoothed: Smoothed::default(),
+            smoothed_until: f64::NEG_INFINITY,
+            is_off_average: false,
+            estimates_noise: matches!(steps, Steps::At(_)),
             charged: self.conductor.as_ref().map(|conductor| conductor.uncharged(activity)),
             first: 0.0,
             recent: Vec::new(),
@@ -91,6 +101,7 @@ impl<L: Material, F: Fn(f64) -> L> TransientProblem<'_, F> {
                 newton_steps: 0,
                 work: 0,
                 residual: 0.0,
+                noise: 0.0,
             },
         };
         run.workspace.begin(self.limit.get());
@@ -114,6 +125,16 @@ struct March<'a, 'b, F> {
     u: Vec<f64>,
     /// Voltage of the electrodes.
     volts: f64,
+    /// The same at the start of the step.
+    volts_before: f64,
+    /// The drive averaged over steps up to the next stop; empty without noise.
+    smoothed: Smoothed,
+    /// This stop.
+    smoothed_until: f64,
+    /// Whether the voltage of the electrodes is not that of the averaged drive yet.
+    is_off_average: bool,
+    /// Whether the effect of averaging is estimated.
+    estimates_noise: bool,
     /// The electrodes, if they have a resistance.
     charged: Option<Charged>,
     /// The first step after the last jump or kink.
@@ -146,17 +167,30 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
             self.stored_at_rest = self.units.energy * self.viscous.stored(&self.loaded, transient.problem.activity);
             self.stored = self.stored_at_rest;
         }
-        self.begin()?;
         let mut asked = transient.times.iter().copied().peekable();
+        let stops = |at: usize| transient.knots.get(at).map(|knot| knot.time);
+        if let Some(end) = stops(1) {
+            let first = transient.times.iter().copied().find(|time| *time > 0.0);
+            let stop = first.map_or(end, |time| time.min(end));
+            self.smooth([0.0, stop], steps, self.first_step(end));
+        }
+        self.begin()?;
+        if asked.peek().is_some_and(|time| *time <= 0.0) {
+            self.face_noise(0.0)?;
+        }
         while asked.next_if(|time| *time <= 0.0).is_some() {
             self.keep();
         }
-        for pair in transient.knots.windows(2) {
+        for (at, pair) in transient.knots.windows(2).enumerate() {
             let mut now = pair[0].time;
             self.first = self.first_step(pair[1].time - now);
             let mut length = self.first;
             while now < pair[1].time {
                 let stop = asked.peek().map_or(pair[1].time, |time| time.min(pair[1].time));
+                if self.smoothed_until <= now {
+                    self.smooth([now, stop], steps, length);
+                }
+                self.meet_average(now)?;
                 now = match steps {
                     Steps::Within(tolerance) => self.step_within(tolerance, now, stop, &mut length)?,
                     Steps::At(times) => {
@@ -168,7 +202,14 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
                     return Err(PassEnd::WorkLimit);
                 }
                 if now == pair[1].time && pair[1].jumps {
+                    if let Some(end) = stops(at + 2) {
+                        let later = transient.times.iter().copied().find(|time| *time > now);
+                        self.smooth([now, later.map_or(end, |time| time.min(end))], steps, length);
+                    }
                     self.jump(now)?;
+                }
+                if asked.peek().is_some_and(|time| *time <= now) {
+                    self.face_noise(now)?;
                 }
                 while asked.next_if(|time| *time <= now).is_some() {
                     self.keep();
@@ -208,8 +249,8 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
             .angular_frequency()
             .map_or(f64::INFINITY, |omega| std::f64::consts::TAU / omega);
         loop {
-            let wanted = length.min(period / IN_PERIOD);
             let room = stop - now;
+            let wanted = length.min(period / IN_PERIOD).min(self.graded([now, stop]));
             // The rest after a step is at least half of the step.
             let step = if wanted >= room {
                 room
@@ -220,16 +261,18 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
             };
             let to = if step >= room { stop } else { now + step };
             let shortest = to - now <= self.shortest(to);
-            if !shortest && !self.transient.is_straight([now, to]) {
+            if !self.smoothed.is_empty() {
+                let ahead = (to + (to - now)).min(stop);
+                self.smoothed = self.transient.continued(&self.smoothed, [now, to, ahead]);
+            }
+            if !shortest && !self.transient.is_straight(&self.smoothed, [now, to]) {
                 *length = 0.5 * (to - now);
                 continue;
             }
             let guess = self.extrapolated(to);
             match self.fed(now, to, guess.clone()) {
                 Ok(found) => {
-                    let moved = found.u.iter().zip(&guess).map(|(a, b)| (a - b).abs());
-                    let difference = moved.fold(self.charged_off(&found, to), f64::max);
-                    let error = ERROR_PER_DIFFERENCE * difference;
+                    let error = ERROR_PER_DIFFERENCE * self.off_guess(&found, &guess, to);
                     let factor = 0.9 * (tolerance / error.max(1e-300)).powf(1.0 / 3.0);
                     if error > 2.0 * tolerance && !shortest {
                         *length = (to - now) * factor.clamp(0.2, 0.8);
@@ -308,6 +351,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         self.recent.push(PastState {
             time: now,
             u: self.u.clone(),
+            drive: transient.voltage_along(&self.smoothed, now, Side::Before),
             potential: self
                 .charged
                 .as_ref()

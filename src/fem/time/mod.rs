@@ -16,6 +16,7 @@ mod march;
 mod modes;
 mod motion;
 mod pass;
+mod smoothing;
 mod solver;
 mod supply;
 mod swing;

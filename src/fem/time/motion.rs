@@ -19,6 +19,7 @@
 use super::bodies;
 use super::feed::{self, Feed, Passage};
 use super::pass::{Instant, MOST_STEPS, Pass, PassEnd, magnitude_at};
+use super::smoothing::Smoothed;
 use super::trace::Trace;
 use super::transient::TransientProblem;
 use super::viscous::Viscous;
@@ -73,6 +74,8 @@ struct MotionPass<'a, 'b, 'c, F> {
     /// Changes in the last steps since the last jump of the voltage, latest first, with their lengths.
     changes: Vec<(f64, Vec<f64>)>,
     feed: Feed<'c>,
+    /// The drive averaged over steps up to the next stop; empty without noise.
+    smoothed: Smoothed,
     /// The material at the full voltage.
     content: Content,
     /// Energy of the field of sprayed charge in J.
@@ -105,6 +108,7 @@ impl<L: Material, F: Fn(f64) -> L> Motion<'_, '_, F> {
             v: vec![0.0; len],
             changes: Vec::new(),
             feed: Feed::of(self.transient),
+            smoothed: Smoothed::default(),
             sprayed: 0.0,
             content: Content::default(),
             elastic_at_rest: 0.0,
@@ -126,6 +130,7 @@ impl<L: Material, F: Fn(f64) -> L> Motion<'_, '_, F> {
                 newton_steps: 0,
                 work: 0,
                 residual: 0.0,
+                noise: 0.0,
             },
         };
         run.pass.end = run.run().err().unwrap_or(PassEnd::Done);
@@ -158,12 +163,22 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
                 let stop = asked.peek().map_or(pair[1].time, |time| time.min(pair[1].time));
                 let count = self.motion.steps_in(stop - now);
                 let start = now;
-                for step in 1..=count {
-                    let to = if step == count {
+                let end_of = |step: usize| {
+                    if step == count {
                         stop
                     } else {
                         start + (stop - start) * step as f64 / count as f64
-                    };
+                    }
+                };
+                if transient.noisy {
+                    let before = self.electric(now, Side::After);
+                    let times: Vec<f64> = std::iter::once(now).chain((1..=count).map(end_of)).collect();
+                    self.smoothed = transient.smoothed(&times);
+                    // The average jumps at stops.
+                    self.supplied += self.electric(now, Side::After) - before;
+                }
+                for step in 1..=count {
+                    let to = end_of(step);
                     self.advance(now, to, 0)?;
                     now = to;
                     if step.is_multiple_of(self.motion.parts) {
@@ -176,7 +191,9 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
                     }
                 }
                 if now == pair[1].time && pair[1].jumps {
-                    let [before, after] = [Side::Before, Side::After].map(|side| self.electric(now, side));
+                    let before = self.electric(now, Side::Before);
+                    self.smoothed = Smoothed::default();
+                    let after = self.electric(now, Side::After);
                     self.supplied += after - before;
                     self.changes.clear();
                     self.record(now, Side::After);
@@ -199,10 +216,15 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
     fn electric(&self, time: f64, side: Side) -> f64 {
         let capacitance = self.content.driven * self.scale();
         match self.feed {
-            Feed::Voltage => capacitance * 0.5 * self.motion.transient.voltage(time, side).powi(2),
+            Feed::Voltage => capacitance * 0.5 * self.voltage(time, side).powi(2),
             Feed::Conducting { charge, .. } => feed::energy(charge, capacitance),
             Feed::Sprayed { .. } => self.sprayed,
         }
+    }
+
+    /// Returns the voltage of the drive, averaged over steps if it has noise, in V.
+    fn voltage(&self, time: f64, side: Side) -> f64 {
+        self.motion.transient.voltage_along(&self.smoothed, time, side)
     }
 
     /// Returns one over the voltage at which the content is measured.
@@ -239,7 +261,7 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         let after = self.content_at(transient.problem.activity, &end, transient.scene.voltage_v());
         let capacitances = [self.content.driven, after.driven].map(|driven| driven * self.scale());
         let last = supply.map_or(charge, |supply| {
-            supply.charge_along(charge, capacitances, &transient.points(step))
+            supply.charge_along(charge, capacitances, &transient.points_along(&self.smoothed, step))
         });
         Some(Passage::new([charge, last], capacitances))
     }
@@ -249,7 +271,7 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         match (self.feed, passage) {
             (_, Some(passage)) => passage.square * self.scale().powi(2),
             (Feed::Sprayed { .. }, None) => 0.0,
-            (_, None) => self.motion.transient.mean_share(step),
+            (_, None) => self.motion.transient.mean_share(&self.smoothed, step),
         }
     }
 
@@ -325,7 +347,7 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         let before = self.content;
         self.measure();
         if let (Feed::Conducting { charge, .. }, Some(passage)) = (&mut self.feed, passage) {
-            let volts = transient.mean_voltage([from, to]);
+            let volts = transient.mean_voltage(&self.smoothed, [from, to]);
             let moved = passage.charge - *charge;
             // Disconnected electrodes are not supplied.
             let supplied = if moved == 0.0 { 0.0 } else { volts * moved };
@@ -333,7 +355,7 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
             self.supplied += supplied;
             self.dissipated += supplied - passage.work;
         } else if let Feed::Voltage = self.feed {
-            let half_square = 0.5 * transient.mean_share([from, to]) * transient.scene.voltage_v();
+            let half_square = 0.5 * transient.mean_share(&self.smoothed, [from, to]) * transient.scene.voltage_v();
             self.supplied +=
                 half_square * (self.content.driven - before.driven) + self.electric(to, Side::Before) - electric_before;
         }
@@ -467,7 +489,7 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
 
     fn record(&mut self, now: f64, side: Side) {
         let transient = self.motion.transient;
-        let voltage = transient.voltage(now, side);
+        let voltage = self.voltage(now, side);
         let mut heavy = vec![0.0; self.v.len()];
         self.motion.mass.apply(&self.v, &mut heavy);
         let twice: f64 = self.v.iter().zip(&heavy).map(|(a, b)| a * b).sum();

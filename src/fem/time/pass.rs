@@ -91,6 +91,8 @@ pub struct Pass {
     pub work: u64,
     /// Relative residual at the end of the last step.
     pub residual: f64,
+    /// Estimate in mm of the change of the last field if the noise of the drive were not averaged over steps.
+    pub noise: f64,
 }
 
 impl Pass {

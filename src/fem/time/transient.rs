@@ -3,6 +3,7 @@
 use std::cell::Cell;
 
 use super::leads::Conductor;
+use super::smoothing::Smoothed;
 use super::supply::Supply;
 use crate::continuation::Problem;
 use crate::operator::Activity;
@@ -25,6 +26,8 @@ pub struct TransientProblem<'a, F> {
     pub knots: Vec<Knot>,
     /// Largest distance in V² of the squared voltage within a step from the line between its ends.
     pub kink: f64,
+    /// Whether the drive has noise, which is averaged over steps.
+    pub noisy: bool,
     /// The requested times of fields in s, in order.
     pub times: &'a [f64],
     /// Limit of work for a pass.
@@ -88,9 +91,60 @@ impl<F> TransientProblem<'_, F> {
         self.waveform.points(self.scene.voltage_v(), from, to)
     }
 
+    /// Returns the voltage at a time in V, or that of the drive averaged over steps.
+    pub(super) fn voltage_along(&self, smoothed: &Smoothed, time: f64, side: Side) -> f64 {
+        let voltage = self.voltage(time, side);
+        match (smoothed.is_empty(), self.is_fed_slowly()) {
+            (true, _) => voltage,
+            (false, true) => smoothed.at(time),
+            (false, false) => smoothed.at(time).max(0.0).sqrt().copysign(voltage),
+        }
+    }
+
+    /// Returns the load at a time relative to that of the scene, or that of the drive averaged over steps.
+    pub(super) fn share_along(&self, smoothed: &Smoothed, time: f64, side: Side) -> f64 {
+        match self.scene.voltage_v() {
+            amplitude if amplitude > 0.0 => (self.voltage_along(smoothed, time, side) / amplitude).powi(2),
+            _ => 0.0,
+        }
+    }
+
+    /// Returns the times in s and voltages in V of a step between which the voltage is linear, or those of the drive
+    /// averaged over steps.
+    pub(super) fn points_along(&self, smoothed: &Smoothed, step @ [from, to]: [f64; 2]) -> Vec<[f64; 2]> {
+        match smoothed.is_empty() {
+            true => self.points(step),
+            false => [(from, Side::After), (to, Side::Before)]
+                .map(|(time, side)| [time, self.voltage_along(smoothed, time, side)])
+                .to_vec(),
+        }
+    }
+
+    /// Returns what of a voltage is averaged over steps: the voltage if a source or leads charge the electrodes, since
+    /// the charge follows it, otherwise its square.
+    fn averaged(&self, voltage: f64) -> f64 {
+        match self.is_fed_slowly() {
+            true => voltage,
+            false => voltage * voltage,
+        }
+    }
+
+    /// Averages the drive over steps with these ends in s; empty without noise.
+    pub(super) fn smoothed(&self, times: &[f64]) -> Smoothed {
+        match self.noisy {
+            true => Smoothed::over(times, |step| self.points(step), |voltage| self.averaged(voltage)),
+            false => Smoothed::default(),
+        }
+    }
+
+    /// Continues an average over a step with a look ahead.
+    pub(super) fn continued(&self, smoothed: &Smoothed, times: [f64; 3]) -> Smoothed {
+        smoothed.continued(times, |step| self.points(step), |voltage| self.averaged(voltage))
+    }
+
     /// Returns the mean voltage in V over a step.
-    pub(super) fn mean_voltage(&self, step: [f64; 2]) -> f64 {
-        match &self.points(step)[..] {
+    pub(super) fn mean_voltage(&self, smoothed: &Smoothed, step: [f64; 2]) -> f64 {
+        match &self.points_along(smoothed, step)[..] {
             [[_, first], [_, last]] => 0.5 * (first + last),
             points => mean(points, |first, last| 0.5 * (first + last)),
         }
@@ -98,8 +152,12 @@ impl<F> TransientProblem<'_, F> {
 
     /// Returns the mean load over a step relative to that of the scene: exactly for a table, whose rows may lie within
     /// the step, otherwise that in the middle.
-    pub(super) fn mean_share(&self, step @ [from, to]: [f64; 2]) -> f64 {
+    pub(super) fn mean_share(&self, smoothed: &Smoothed, step @ [from, to]: [f64; 2]) -> f64 {
         let amplitude = self.scene.voltage_v();
+        if !smoothed.is_empty() {
+            let [first, last] = step.map(|time| self.share_along(smoothed, time, Side::Before));
+            return 0.5 * (first + last);
+        }
         if self.waveform.table.is_none() || amplitude <= 0.0 {
             return self.share(0.5 * (from + to), Side::After);
         }
@@ -107,11 +165,13 @@ impl<F> TransientProblem<'_, F> {
         mean(&self.points(step), square) / amplitude.powi(2)
     }
 
-    /// Returns whether the squared voltage within a step is near the line between its ends.
-    pub(super) fn is_straight(&self, step @ [from, to]: [f64; 2]) -> bool {
+    /// Returns whether the squared voltage within a step is near the line between its ends, or between those of the
+    /// drive averaged over steps.
+    pub(super) fn is_straight(&self, smoothed: &Smoothed, step @ [from, to]: [f64; 2]) -> bool {
         let points = self.points(step);
         let square = |at: usize| points[at][1].powi(2);
-        let [low, high] = [square(0), square(points.len() - 1)];
+        let ends = self.points_along(smoothed, step);
+        let [low, high] = [ends[0], ends[ends.len() - 1]].map(|[_, voltage]| voltage * voltage);
         let line = |time: f64| low + (high - low) * (time - from) / (to - from);
         (1..points.len() - 1).all(|at| (square(at) - line(points[at][0])).abs() <= self.kink)
     }
@@ -140,6 +200,15 @@ fn mean(points: &[[f64; 2]], between: impl Fn(f64, f64) -> f64) -> f64 {
     });
     let whole = points[points.len() - 1][0] - points[0][0];
     parts.sum::<f64>() / whole
+}
+
+/// Largest offset of a kink within steps over the noise of the drive: that of no row of 10⁶ with normal noise.
+const NOISE: f64 = 5.0;
+
+/// Returns the largest offset in V² of a kink that steps integrate, for one that is allowed without noise.
+#[must_use]
+pub fn kink_with_noise(waveform: &Waveform, kink: f64) -> f64 {
+    waveform.noise().map_or(kink, |noise| kink.max(NOISE * noise))
 }
 
 /// Returns the knots of a waveform that end steps, and the end of the drive: jumps, and kinks whose offset is larger

@@ -40,18 +40,18 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         } else {
             self.dissipated += self.units.energy * earlier.work_to(&self.loaded, transient.problem.activity) - change;
             let charged = self.content.driven - content_before.driven;
-            let old = self.pass.instants.last().map_or(0.0, |instant| instant.voltage);
             let to_electrodes = match &self.charged {
-                None => 0.5 * (old + voltage) * charged,
+                None => 0.5 * (self.volts_before + voltage) * charged,
                 Some(charged) => charged.work,
             };
             let from_source = match transient.is_fed_slowly() {
                 false => to_electrodes,
-                true => transient.mean_voltage([before, now]) * charged,
+                true => transient.mean_voltage(&self.smoothed, [before, now]) * charged,
             };
             self.supplied += from_source + work - work_before;
             self.dissipated += from_source - to_electrodes;
         }
+        self.volts_before = voltage;
     }
 
     /// Returns the content of the membrane in its current state, and the electric energy in J.

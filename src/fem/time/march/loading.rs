@@ -15,7 +15,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         let transient = self.transient;
         // Electrodes behind a source start charging at that voltage.
         let share = match transient.is_fed_slowly() {
-            false => transient.share(0.0, Side::After),
+            false => transient.share_along(&self.smoothed, 0.0, Side::After),
             true => 0.0,
         };
         if let Some(estimate) = transient.estimate {
@@ -23,7 +23,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
             self.u = self
                 .estimate(estimate, 0.0, share, start)
                 .map_err(|_| PassEnd::Unknown)?;
-            self.volts = transient.voltage(0.0, Side::After);
+            self.volts = transient.voltage_along(&self.smoothed, 0.0, Side::After);
             self.accept(0.0, 0.0, true);
             return Ok(());
         }
@@ -40,7 +40,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
             return Err(PassEnd::AtOnce(loading.ending));
         }
         if !transient.is_fed_slowly() && transient.held.is_none() {
-            self.volts = transient.voltage(0.0, Side::After);
+            self.volts = transient.voltage_along(&self.smoothed, 0.0, Side::After);
         }
         self.accept(0.0, 0.0, true);
         if transient.conductor.is_some() {
@@ -105,7 +105,9 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
             // The charge does not jump.
             return self.restart(now);
         }
-        let [before, after] = [Side::Before, Side::After].map(|side| self.transient.share(now, side));
+        let before = self.transient.share(now, Side::Before);
+        let after = self.transient.share_along(&self.smoothed, now, Side::After);
+        self.is_off_average = false;
         if let Some(estimate) = self.transient.estimate {
             let start = self.u.clone();
             let found = self.estimate(estimate, 0.0, after, start);
@@ -134,7 +136,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
             self.u = found.map_err(|failure| ended(failure, now, now))?;
         }
         self.recent.clear();
-        self.volts = self.transient.voltage(now, Side::After);
+        self.volts = self.transient.voltage_along(&self.smoothed, now, Side::After);
         self.accept(now, 0.0, true);
         Ok(())
     }
@@ -154,6 +156,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         self.recent = vec![PastState {
             time: now,
             u: self.u.clone(),
+            drive: self.transient.voltage_along(&self.smoothed, now, Side::Before),
             potential,
         }];
         Ok(())

@@ -123,17 +123,24 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
     /// Extrapolates numbers to a later time by the polynomial through those of the last states.
     pub(super) fn polynomial(&self, to: f64, count: usize, of: impl Fn(&PastState) -> &Vec<f64>) -> Vec<f64> {
         let mut guess = vec![0.0; count];
-        for (at, past) in self.recent.iter().enumerate() {
-            let others = self.recent.iter().enumerate().filter(|(other, _)| *other != at);
-            let weight: f64 = others
-                .map(|(_, other)| (to - other.time) / (past.time - other.time))
-                .product();
+        for (weight, past) in self.weights(to) {
             guess
                 .iter_mut()
                 .zip(of(past))
                 .for_each(|(sum, value)| *sum += weight * value);
         }
         guess
+    }
+
+    /// Returns the last states with their weights in that polynomial.
+    pub(super) fn weights(&self, to: f64) -> impl Iterator<Item = (f64, &PastState)> {
+        self.recent.iter().enumerate().map(move |(at, past)| {
+            let others = self.recent.iter().enumerate().filter(move |(other, _)| *other != at);
+            let weight: f64 = others
+                .map(|(_, other)| (to - other.time) / (past.time - other.time))
+                .product();
+            (weight, past)
+        })
     }
 
     /// Extrapolates the state to a later time by the polynomial through the last states.

@@ -38,13 +38,18 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         }
         let Some(supply) = transient.supply else {
             return Ok(StepState {
-                u: self.solve(activity, to - from, transient.share(to, Side::Before), guess)?,
-                volts: transient.voltage(to, Side::Before),
+                u: self.solve(
+                    activity,
+                    to - from,
+                    transient.share_along(&self.smoothed, to, Side::Before),
+                    guess,
+                )?,
+                volts: transient.voltage_along(&self.smoothed, to, Side::Before),
                 charged: None,
             });
         };
         let full = transient.scene.voltage_v();
-        let (before, points) = (self.capacitance(), transient.points([from, to]));
+        let (before, points) = (self.capacitance(), transient.points_along(&self.smoothed, [from, to]));
         let charge = before * self.volts;
         let (mut volts, mut u) = (self.volts, guess);
         let mut last: Option<[f64; 2]> = None;
@@ -114,11 +119,12 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
     ) -> Result<StepState, StepFailure> {
         let transient = self.transient;
         let before = self.circuit(conductor, &self.u);
-        let last = transient.voltage(to, Side::Before);
-        let first = match transient.points([from, to]).len() {
-            2 => transient.voltage(from + FIRST_STAGE * (to - from), Side::After),
+        let points = transient.points_along(&self.smoothed, [from, to]);
+        let last = points[points.len() - 1][1];
+        let first = match points.len() {
+            2 => transient.voltage_along(&self.smoothed, from + FIRST_STAGE * (to - from), Side::After),
             // The weights of the stages integrate the voltage exactly.
-            _ => (transient.mean_voltage([from, to]) - FIRST_STAGE * last) / (1.0 - FIRST_STAGE),
+            _ => (transient.mean_voltage(&self.smoothed, [from, to]) - FIRST_STAGE * last) / (1.0 - FIRST_STAGE),
         };
         let volts = [first, last];
         let (mut u, mut relaxation) = (guess, Relaxation::default());
@@ -151,12 +157,14 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         })
     }
 
-    /// Returns the difference of the potentials at the end of a step from the extrapolated ones, as a displacement.
-    pub(super) fn charged_off(&self, found: &StepState, to: f64) -> f64 {
+    /// Returns the difference of the potentials at the end of a step from the extrapolated ones, less a voltage in
+    /// V, as a displacement.
+    pub(super) fn charged_off(&self, found: &StepState, to: f64, less: f64) -> f64 {
         match (&self.transient.conductor, &found.charged) {
             (Some(conductor), Some(charged)) => {
                 let guess = self.polynomial(to, charged.potential.len(), |past| &past.potential);
-                conductor.difference(&charged.potential, &guess)
+                let less = conductor.difference(&[less], &[0.0]);
+                (conductor.difference(&charged.potential, &guess) - less).max(0.0)
             }
             _ => 0.0,
         }

@@ -1,19 +1,34 @@
 //! Measured waveforms: tables of many rows, whose rows need not be steps.
 
+use std::cell::Cell;
 use std::f64::consts::TAU;
 
 use super::*;
+use crate::effects::WithMaterial;
+use crate::mass::Mass;
+use crate::material::Material;
+use crate::operator::Activity;
+use crate::precondition::Laplacian;
+use crate::time::leads::Conductor;
+use crate::time::modes::wave_speed;
+use crate::time::motion::Motion;
+use crate::time::pass::{Pass, PassEnd, Steps};
+use crate::time::supply::Supply;
+use crate::time::transient::{TransientProblem, knots};
 
 const SMOOTH: &str = "sine: { frequency: 125 Hz }";
 
 /// Returns a scene whose voltage in units of 5250 V is a table of a number of rows over a time in s.
 fn tabled(scene: &str, rows: u32, seconds: f64, volts: impl Fn(f64) -> f64) -> Scene {
+    let time = |at: u32| seconds * f64::from(at) / f64::from(rows);
+    of_rows(scene, (0..=rows).map(time).map(|time| [time, volts(time)]))
+}
+
+/// Returns a scene with rows of times in s and voltages in units of 5250 V.
+fn of_rows(scene: &str, rows: impl Iterator<Item = [f64; 2]>) -> Scene {
     let folder = tempfile::tempdir().unwrap();
-    let row = |at: u32| {
-        let time = seconds * f64::from(at) / f64::from(rows);
-        format!("{time:.12},{:.12}\n", 5250.0 * volts(time))
-    };
-    let text: String = (0..=rows).map(row).collect();
+    let row = |[time, volts]: [f64; 2]| format!("{time:.12},{:.12}\n", 5250.0 * volts);
+    let text: String = rows.map(row).collect();
     std::fs::write(folder.path().join("table.csv"), format!("t_s,voltage_V\n{text}")).unwrap();
     let file = folder.path().join("scene.yaml");
     std::fs::write(&file, scene.replace("WAVEFORM", "table: table.csv")).unwrap();
@@ -183,6 +198,213 @@ fn corners_between_many_rows_and_noise_are_within_the_error() {
             assert!(found.steps < 6000, "{name} {shape}: {}", found.steps);
         }
     }
+}
+
+/// Noise of an oscilloscope: reproducible numbers of normal distribution.
+fn noise(row: f64) -> f64 {
+    let mut state = (row as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    let mut next = || {
+        state = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        state = (state ^ (state >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        state ^= state >> 31;
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    (0..12).map(|_| next()).sum::<f64>() - 6.0
+}
+
+/// A pass whose steps are the rows of a table, without averages.
+struct RowByRow<'a> {
+    solver: &'a MembraneSolver,
+    activity: &'a Activity,
+    rows: u32,
+    times: &'a [f64],
+}
+
+impl WithMaterial for RowByRow<'_> {
+    type Output = Pass;
+
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Pass {
+        let Self {
+            solver,
+            activity,
+            rows,
+            times,
+        } = self;
+        let scene = &solver.scene;
+        let waveform = scene.waveform();
+        let end = times[times.len() - 1];
+        let row = end / f64::from(rows);
+        let transient = TransientProblem {
+            problem: solver.problem(activity, material),
+            scene,
+            // Sources and leads have two steps in a row.
+            knots: knots(&waveform, end, f64::INFINITY),
+            kink: f64::INFINITY,
+            noisy: false,
+            waveform,
+            supply: Supply::of(scene),
+            conductor: Conductor::of(scene, activity),
+            times,
+            limit: Cell::new(WorkLimit::of_seconds(1e6)),
+            watched: Cell::default(),
+            held: None,
+            estimate: None,
+            measures: false,
+        };
+        if scene.effects.inertia.is_some() {
+            let speed = wave_speed(scene).unwrap();
+            let per_second = speed / (1e-3 * solver.grid.unit_mm());
+            return Motion {
+                transient: &transient,
+                mass: &Mass::new(&solver.grid, false),
+                per_second,
+                laplacian: &Laplacian::with_mass(&solver.grid, 4.0 / (row * per_second).powi(2)).unwrap(),
+                step: row,
+                parts: 1,
+            }
+            .pass();
+        }
+        let parts = if transient.is_fed_slowly() { 2 } else { 1 };
+        let steps: Vec<f64> = (1..=parts * rows)
+            .map(|at| row * f64::from(at) / f64::from(parts))
+            .collect();
+        transient.pass(Steps::At(&steps), &mut solver.workspace().near())
+    }
+}
+
+/// The fields of a table without averages, with its rows as steps.
+fn row_by_row(scene: &Scene, rows: u32, times: &[f64]) -> Vec<Field> {
+    let options = SolveOptions {
+        mesh: Mesh::bilinear(1),
+        tolerance: 1e-11,
+    };
+    let solver = MembraneSolver::new(scene, options).unwrap();
+    let activity = solver.model.activity(&solver.grid, &half());
+    let pass = solver.model.with(RowByRow {
+        solver: &solver,
+        activity: &activity,
+        rows,
+        times,
+    });
+    assert_eq!(pass.end, PassEnd::Done);
+    pass.fields
+}
+
+/// Returns what is said about a history, and whether its error in time is small and covers the differences from fields.
+fn compared(found: &History, truth: &[Field]) -> (String, bool) {
+    let size = truth.iter().map(Field::max_magnitude).fold(0.0, f64::max);
+    let error = found.time_error_mm.unwrap_or(f64::NAN);
+    let pairs = found.fields.iter().zip(truth);
+    let off = pairs.map(|(a, b)| a.max_difference(b)).fold(0.0, f64::max);
+    let said = format!(
+        "{:?}, {} steps, off by {off:.1e} mm, stated {error:.1e} mm of {size:.3} mm",
+        found.outcome, found.steps
+    );
+    let has_all = found.outcome == Outcome::Converged && found.fields.len() == truth.len();
+    (said, has_all && off <= error && error <= 1e-3 * size)
+}
+
+#[test]
+fn noise_of_an_oscilloscope_takes_at_most_ten_times_the_steps_of_the_smooth_drive_within_the_stated_error() {
+    let creep = "viscoelasticity: { branches: [{ modulus: 45 kPa, time: 1 ms }] }";
+    let both = "viscoelasticity: { branches: [{ modulus: 20 kPa, time: 0.05 s }, { modulus: 20 kPa, time: 1 s }] }";
+    let more = [
+        ("fast and slow branches", text("", both, ""), 1.0),
+        (
+            "inertia and creep",
+            text("", &format!("inertia: {{ density: 960 kg/m3 }}, {creep}"), ""),
+            2e-3,
+        ),
+    ];
+    let mut failed = Vec::new();
+    for (name, text, scale) in scenes().into_iter().chain(more) {
+        let frequency = 0.25 / scale;
+        let smooth = text.replace("WAVEFORM", &format!("sine: {{ frequency: {frequency} Hz }}"));
+        let times = [0.5 * scale, scale];
+        let smooth = history(&Scene::from_text(&smooth).unwrap(), &half(), Mesh::bilinear(1), &times);
+        for (rows, size) in [(2000, 1e-3), (2000, 0.01), (10_000, 0.01)] {
+            // Leads with larger noise take more steps.
+            if name == "leads" && size > 2e-3 {
+                continue;
+            }
+            let row_of = |time: f64| (f64::from(rows) * time).round();
+            let scene = tabled(&text, rows, scale, |time| {
+                let time = time / scale;
+                (0.25 * TAU * time).sin() + size * noise(row_of(time))
+            });
+            let found = history(&scene, &half(), Mesh::bilinear(1), &times);
+            let is_cheap = found.steps <= 10 * smooth.steps;
+            let (said, covers) = match rows {
+                2000 => compared(&found, &row_by_row(&scene, rows, &times)),
+                _ => (format!("{} steps", found.steps), found.outcome == Outcome::Converged),
+            };
+            let said = format!(
+                "{name}, {rows} rows, noise {size}: {said}, {} without noise",
+                smooth.steps
+            );
+            eprintln!("{said}");
+            if !(is_cheap && covers) {
+                failed.push(said);
+            }
+        }
+    }
+    assert!(failed.is_empty(), "{failed:#?}");
+}
+
+#[test]
+fn jumps_and_pulses_in_noise_are_within_the_stated_error() {
+    let (rows, size) = (2000, 2e-3);
+    let noisy = |at: u32, volts: f64| volts + size * noise(f64::from(at));
+    let place = |at: u32| f64::from(at) / f64::from(rows);
+    let ramp = |at: u32| [place(at), noisy(at, 0.4 + place(at))];
+    // The voltage falls by half in no time.
+    let falls = |at: u32| [place(at), noisy(at, 0.45)];
+    let jump = (0..=1000).map(ramp).chain((1000..=rows).map(falls));
+    // The voltage rises by half for a hundredth of the time.
+    let pulse = (0..=rows).map(|at| {
+        let share = (place(at) - 0.7) / 0.01;
+        let more = if (0.0..=1.0).contains(&share) {
+            0.3 * (0.5 * TAU * share).sin().powi(2)
+        } else {
+            0.0
+        };
+        [place(at), noisy(at, 0.6 + more)]
+    });
+    let drives = [jump.collect::<Vec<_>>(), pulse.collect()];
+    let times = [0.4, 0.5, 0.55, 0.705, 0.72, 1.0];
+    for (name, text, _) in scenes().into_iter().filter(|(_, _, scale)| *scale == 1.0) {
+        for (drive, rows_of) in ["jump", "pulse"].into_iter().zip(&drives) {
+            let scene = of_rows(&text, rows_of.iter().copied());
+            let found = history(&scene, &half(), Mesh::bilinear(1), &times);
+            let (said, covers) = compared(&found, &row_by_row(&scene, rows, &times));
+            eprintln!("{name}, {drive}: {said}");
+            assert!(covers, "{name}, {drive}: {said}");
+        }
+    }
+}
+
+#[test]
+fn a_drive_with_noise_that_ends_at_its_work_limit_has_what_its_furthest_pass_reached() {
+    let (_, text, _) = scenes().into_iter().next().unwrap();
+    let scene = tabled(&text, 2000, 1.0, |time| {
+        (0.25 * TAU * time).sin() + 0.01 * noise((2000.0 * time).round())
+    });
+    let solver = MembraneSolver::new(&scene, SolveOptions::on(Mesh::bilinear(1))).unwrap();
+    let times = vec![0.25, 0.5, 0.75, 1.0];
+    let reached = |seconds: f64| {
+        let request = HistoryRequest {
+            limit: WorkLimit::of_seconds(seconds),
+            ..HistoryRequest::at(times.clone())
+        };
+        let found = solver.history(&half(), &request).unwrap();
+        (found.outcome, found.fields.len())
+    };
+    // The limit ends the first pass, then the one with the steps of the first, then later ones.
+    let found: Vec<(Outcome, usize)> = (0..40).map(|at| reached(0.01 * 1.2_f64.powi(at))).collect();
+    let counts: Vec<usize> = found.iter().map(|(_, count)| *count).collect();
+    assert!(counts.is_sorted(), "{found:?}");
+    assert_eq!((counts[0], found[39].0), (0, Outcome::Converged), "{found:?}");
+    assert!(found.contains(&(Outcome::WorkLimit, 4)), "{found:?}");
 }
 
 #[test]
