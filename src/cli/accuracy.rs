@@ -114,7 +114,7 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     let bar = Bar::new("measure", "methods", methods.len() as u64);
     let measured = benchmark.measure(&methods, &bar).map_err(failed)?;
     bar.clear();
-    let files = write_files(arguments, &benchmark, &measured, start)?;
+    let files = write_files(arguments, &benchmark, &measured, start, output)?;
     let findings = Findings::new(arguments, &benchmark, &measured);
     output.result(|| findings.document(&files), || findings.text(&files))?;
     Ok(if findings.is_missed() {
@@ -174,6 +174,7 @@ fn write_files(
     benchmark: &Benchmark,
     measured: &[Measured],
     start: Instant,
+    output: &Output,
 ) -> Result<Vec<PathBuf>, CliError> {
     let [file, rows, figure] = FILES.map(|name| arguments.output.join(name));
     let scene = arguments.state.described(&arguments.scene);
@@ -189,8 +190,8 @@ fn write_files(
     let moved = measured.iter().any(|method| method.rms() > 0.0);
     // Without displacement there are no errors to draw.
     if moved {
-        accuracy_sheet(&costs(benchmark, measured))?.write_png(&figure)?;
-        files.push(figure);
+        let draw = |figure: &Path| accuracy_sheet(&costs(benchmark, measured))?.write_png(figure);
+        files.extend(write::drawn(figure, draw, output));
     }
     Ok(files)
 }

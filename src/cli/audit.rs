@@ -93,7 +93,7 @@ pub fn execute(arguments: &AuditArguments, output: &Output) -> Result<Exit, CliE
         }
     };
     let files = match &arguments.output {
-        Some(folder) => report.write(folder)?,
+        Some(folder) => report.write(folder, output)?,
         None => Vec::new(),
     };
     output.result(|| report.document(&files), || report.text(&files))?;

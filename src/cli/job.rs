@@ -100,8 +100,9 @@ impl<'a> Job<'a> {
                 let [table, figure] = attached_files(file);
                 let source = format!("{}; {}", file.display(), result.parameters);
                 write::csv(&table, rows.as_bytes(), title, &source)?;
-                draw(&figure)?;
-                files.extend([write::with_metadata(&table), figure.display().to_string()]);
+                files.push(write::with_metadata(&table));
+                let figure = write::drawn(figure, draw, output);
+                files.extend(figure.iter().map(|figure| figure.display().to_string()));
                 extend(&mut document, json!({ "table": table, "figure": figure }));
             }
         }

@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::CliError;
+use super::{CliError, Output};
 use deaflow_base::{CsvTable, OutputFile, csv_metadata, csv_metadata_file, output_folder, write_output};
+use deaflow_report::figures::FigureError;
 use deaflow_store::Store;
 
 /// Refuses a path inside a store: a foreign file there counts as damage.
@@ -26,6 +27,17 @@ pub fn outside(path: &Path) -> Result<(), CliError> {
 /// When something is there that must not be replaced, the folder does not exist, or the system refuses.
 pub fn file(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
     Ok(write_output(path, bytes)?)
+}
+
+/// Draws a figure into a file, which accompanies results: if that fails, this warns, and returns `None`.
+pub fn drawn(path: PathBuf, draw: impl FnOnce(&Path) -> Result<(), FigureError>, output: &Output) -> Option<PathBuf> {
+    match draw(&path) {
+        Ok(()) => Some(path),
+        Err(error) => {
+            output.warn(format_args!("there is no figure {}: {error}", path.display()));
+            None
+        }
+    }
 }
 
 /// Writes comma-separated values with a header, and a metadata file with their title and source.

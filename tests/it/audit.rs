@@ -584,6 +584,26 @@ fn each_fault_that_is_planted_in_a_file_is_found_and_named() {
     for file in ["audit.html", "audit.png", "label-9.png"] {
         assert!(workspace.path("page").join(file).exists(), "{file}");
     }
+    // A figure that cannot be written does not stop the others or the page.
+    std::fs::create_dir_all(workspace.path("again/label-9.png")).unwrap();
+    let arguments = [
+        "audit",
+        "bad.h5",
+        "--scene",
+        "scene.yaml",
+        "--samples",
+        "0",
+        "-o",
+        "again",
+    ];
+    let ended = workspace.run(&arguments);
+    assert_eq!(ended.code, Some(5), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("there is no figure again/label-9.png"),
+        "{}",
+        ended.stderr
+    );
+    assert!(workspace.path("again/audit.html").exists() && workspace.path("again/audit.png").exists());
 }
 
 /// A file as somebody else would write it: single precision, nothing declared, splits of their own.

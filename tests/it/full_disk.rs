@@ -5,7 +5,7 @@
 //! file is limited, which refuses the same writes with another word.
 
 use super::common::bounded::await_end;
-use super::common::{Ended, Stages, Workspace};
+use super::common::{Ended, Stages, Workspace, csv, scene_file};
 
 /// $0 is the binary, $1 the space in KiB. Exit code 99: the store cannot be made.
 const MOUNTED: &str = r#"
@@ -195,4 +195,37 @@ fn a_project_is_created_whole_or_not_at_all() {
         assert_eq!(second.code, Some(0), "{space} KiB: {}", second.stderr);
     }
     assert!(refused > 1, "the disk was full in {refused} runs");
+}
+
+/// Simulates a pattern in time on a disk of $1 KiB.
+const FIGURE: &str = r#"
+mkdir disk && mount -t tmpfs -o "size=$1k" none disk || exit 99
+"$0" solve scene.yaml half.csv --history --at "0 s" --elements-per-cell 1 -o disk/out.h5 --json >first 2>first.err; echo $? >first.code
+ls -A disk >left
+"#;
+
+#[test]
+fn a_figure_that_does_not_fit_loses_no_result() {
+    let Some(way) = namespace() else { return };
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &scene_file());
+    workspace.write("half.csv", &csv(|x, _| x < 25));
+    let history = ["--history", "--at", "0 s", "--elements-per-cell", "1", "-o", "out.h5"];
+    let ended = workspace.run(&[&["solve", "scene.yaml", "half.csv"][..], &history].concat());
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let kib = |name: &str| std::fs::metadata(workspace.path(name)).unwrap().len().div_ceil(4096) * 4;
+    let results: u64 = ["out.h5", "out.csv", "out.csv-metadata.json"].map(kib).iter().sum();
+    assert!(kib("out.png") > 8, "the figure is larger than what is left");
+    let ended = script(&workspace, way, FIGURE, &[&(results + 8).to_string()]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let first = read(&workspace, "first");
+    assert_eq!(first.code, Some(0), "{}", first.stderr);
+    assert!(
+        first.stderr.contains("warning: there is no figure disk/out.png"),
+        "{}",
+        first.stderr
+    );
+    assert!(first.json()["figure"].is_null());
+    let left = std::fs::read_to_string(workspace.path("left")).unwrap();
+    assert_eq!(left, "out.csv\nout.csv-metadata.json\nout.h5\n");
 }

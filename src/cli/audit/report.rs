@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::text::Text;
-use crate::{CliError, table, write};
+use crate::{CliError, Output, table, write};
 use deaflow_base::{ArtifactId, error_digits};
 use deaflow_content::{AttributeError, Audit};
 use deaflow_report::figures::{Background, DeformedMembrane, membrane_sheet};
@@ -205,11 +205,11 @@ impl AuditReport {
         )
     }
 
-    /// Writes the page and its figures; returns their paths.
+    /// Writes the page and its figures; returns their paths. It warns of files of figures that cannot be written.
     ///
     /// # Errors
-    /// When one cannot be written.
-    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>, CliError> {
+    /// When the page cannot be written.
+    pub fn write(&self, folder: &Path, output: &Output) -> Result<Vec<PathBuf>, CliError> {
         let mut page = Page::new(&format!("Audit of {}", self.dataset));
         let rows: Vec<Vec<String>> = self.findings.iter().map(|finding| cells(finding).to_vec()).collect();
         if rows.is_empty() {
@@ -221,10 +221,9 @@ impl AuditReport {
         let mut files = Vec::new();
         if let Some(figure) = self.audit.as_ref().and_then(audit_figure) {
             let path = folder.join("audit.png");
-            figure.sheet()?.write_png(&path)?;
+            files.extend(write::drawn(path, |path| figure.sheet()?.write_png(path), output));
             page.charts(&figure.charts()?);
             page.note("Coverage of the dataset, and its errors compared with a finer mesh");
-            files.push(path);
         }
         for finding in &self.findings {
             let Some((row, membrane)) = self.example(finding) else {
@@ -233,9 +232,8 @@ impl AuditReport {
             let path = folder.join(format!("{}-{row}.png", finding.check));
             let title = format!("{}: row {row}, as stored", finding.check);
             let drawing = membrane_sheet(&title, &membrane);
-            drawing.write_png(&path)?;
+            files.extend(write::drawn(path, |path| drawing.write_png(path), output));
             page.figure(&title, &drawing.svg(&title));
-            files.push(path);
         }
         let path = folder.join("audit.html");
         write::file(&path, page.finish().as_bytes())?;
