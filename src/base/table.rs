@@ -121,6 +121,8 @@ pub struct Row<'a> {
     pub line: u64,
     text: &'a str,
     fields: &'a [Range<usize>],
+    /// Whether a separator is at the end of the line.
+    is_open: bool,
     notation: &'a Cell<Notation>,
 }
 
@@ -146,6 +148,16 @@ impl<'a> Row<'a> {
     /// Returns the fields in order.
     pub fn fields(&self) -> impl Iterator<Item = &'a str> + use<'_, 'a> {
         (0..self.len()).map(|at| self.field(at))
+    }
+
+    /// Returns the number of the first empty field, from 1, if the line has `columns` fields. A separator at the end of
+    /// a line that lacks one field stands before an empty one.
+    #[must_use]
+    pub fn empty(&self, columns: usize) -> Option<usize> {
+        let is_whole = self.len() == columns || self.is_open && self.len() + 1 == columns;
+        is_whole
+            .then(|| (0..columns).find(|at| self.field(*at).is_empty()))?
+            .map(|at| at + 1)
     }
 
     /// Creates an error at this line.
@@ -184,6 +196,7 @@ impl<'a> Row<'a> {
             Ok(number) => Ok(number),
             Err(_) if text.eq_ignore_ascii_case("true") => Ok(1.0),
             Err(_) if text.eq_ignore_ascii_case("false") => Ok(0.0),
+            Err(_) if text.is_empty() => Err(self.error(format!("value {} is empty", at + 1))),
             Err(_) => Err(self.error(format!("value {}: {:?} is not a number", at + 1, clipped(&text)))),
         }
     }
@@ -317,6 +330,7 @@ impl Table {
             line: self.line,
             text: &self.text,
             fields: &self.fields,
+            is_open: matches!(self.separator, Separator::One(byte) if self.text.ends_with(byte as char)),
             notation: &self.notation,
         };
         match self.columns {
@@ -344,13 +358,17 @@ impl Table {
                 return Ok(false);
             }
             let text = String::from_utf8_lossy(&bytes);
-            let text = text.trim();
+            // A tab before a value separates it from an empty one.
+            let text = match self.separator {
+                Separator::One(b'\t') => text.trim_matches(|c: char| c.is_whitespace() && c != '\t'),
+                _ => text.trim(),
+            };
             if let Some(comment) = comment_of(text) {
                 self.comment.clear();
                 self.comment.push_str(comment);
                 continue;
             }
-            if !text.is_empty() {
+            if !text.trim().is_empty() {
                 self.text.clear();
                 self.text.push_str(text);
                 self.fields.clear();
@@ -593,6 +611,32 @@ mod tests {
             row.number(1).unwrap_err().to_string(),
             "line 3: value 2: \"x\" is not a number"
         );
+    }
+
+    #[test]
+    fn empty_fields_are_named() {
+        for separator in [",", ";", "\t"] {
+            for (line, empty) in [
+                ("1,2,3", None),
+                (",2,3", Some(1)),
+                ("1,,3", Some(2)),
+                ("1,2,", Some(3)),
+                ("1,,", Some(2)),
+                (",,3", Some(1)),
+            ] {
+                let text = format!("4,5,6\n{line}\n").replace(',', separator);
+                let mut table = Table::of_bytes(text.clone().into()).unwrap();
+                table.next_row().unwrap();
+                let row = table.next_row().unwrap().unwrap();
+                assert_eq!(row.empty(3), empty, "{text:?}");
+                let Some(at) = empty else { continue };
+                let error = row.number(at - 1).unwrap_err().to_string();
+                assert_eq!(error, format!("line 2: value {at} is empty"), "{text:?}");
+            }
+        }
+        // A separator at the end of each line stands before nothing.
+        let mut table = Table::of_bytes("1,2,\n".into()).unwrap();
+        assert_eq!(table.next_row().unwrap().unwrap().empty(2), None);
     }
 
     #[test]

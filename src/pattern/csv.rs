@@ -37,6 +37,9 @@ pub(super) fn read(path: &Path, form: PatternForm) -> Result<FilePatterns, Patte
     let mut table = Table::open(path, MAX_BYTES.0 * form.raster.cells() as u64 + MAX_BYTES.1)?;
     let mut values = Vec::with_capacity(form.raster.cells());
     while let Some(row) = table.next_row()? {
+        if let Some(at) = row.empty(columns) {
+            return Err(refusal(row.error(format!("value {at} is empty")).to_string()));
+        }
         if row.len() != columns {
             return Err(refusal(format!("line {} has {} values", row.line, row.len())));
         }

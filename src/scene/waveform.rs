@@ -146,6 +146,7 @@ impl Table {
             let read = |at: usize, what: &str, allowed: &str| {
                 row.with_point(at)?.parse::<Decimal>().map_err(|error| match error {
                     QuantityError::OutOfRange(number) => row.error(format!("the {what} {number} is not {allowed}")),
+                    _ if row.field(at).is_empty() => row.error(format!("the {what} is empty")),
                     _ => row.error(format!("{:?} is not a number", row.field(at))),
                 })
             };
@@ -614,6 +615,8 @@ mod tests {
             ("t_s,voltage_V\n", "at least two rows are needed, found 0"),
             ("t,v\n0,0\n1,1\n", "the column t_s is missing; the columns are t, v"),
             ("t_s,voltage_V\n0,0\n1,x\n", "line 3: \"x\" is not a number"),
+            ("t_s,voltage_V\n0,0\n1,\n", "line 3: the voltage is empty"),
+            ("t_s\tvoltage_V\n0\t0\n\t1\n", "line 3: the time is empty"),
             ("t_s,voltage_V\n-1,0\n1,1\n", "line 2: the time -1 s"),
             ("t_s,voltage_V\n0,0\n1,1e9\n", "line 3: 1000000000 V is larger"),
             (

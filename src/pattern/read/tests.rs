@@ -244,6 +244,21 @@ fn csv_files_that_are_not_patterns() {
     assert!(refusal(plain.replacen("0,", "0.5,", 1)).contains("is 0.5"));
     assert!(refusal(plain.replacen("0,", "nan,", 1)).contains("is NaN"));
     assert!(refusal(plain.replacen("0,", "x,", 1)).contains("line 1: value 11"));
+    // Empty cells, as spreadsheets write them.
+    for separator in [",", ";", "\t"] {
+        let values = plain.lines().nth(2).unwrap();
+        for (line, at) in [
+            (format!(",{}", &values[2..]), 1),
+            (format!("{},", &values[..97]), 50),
+            (format!("{},,{}", &values[..3], &values[6..]), 3),
+        ] {
+            let said = refusal(plain.replacen(values, &line, 1).replace(',', separator));
+            assert!(
+                said.contains(&format!("line 3: value {at} is empty")),
+                "{separator:?} {at}: {said}"
+            );
+        }
+    }
     assert!(refusal(plain.replacen("0,", "1e300,", 1)).contains("is 1e300"));
     assert!(refusal("# nothing\n".into()).contains("0 lines"));
     folder.refusal("q.csv", &[0xff; 5000]);
