@@ -154,7 +154,7 @@ impl Element for Pattern {
     fn unpack(values: Vec<u8>, raster: Raster) -> Result<Vec<Self>, ElementError> {
         let rows = values.chunks_exact(raster.cells());
         let groups = Self::MOST_GROUPS;
-        let pattern = |cells| Self::of_form(PatternForm { raster, groups }, cells);
+        let pattern = |cells| Self::of_form(PatternForm::of_square_cells(raster, groups), cells);
         Ok(rows.map(pattern).collect::<Result<_, _>>()?)
     }
 }

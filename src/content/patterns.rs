@@ -22,7 +22,7 @@ pub fn named_patterns(argument: &str, form: PatternForm) -> Result<FilePatterns,
     let artifact = Artifact::open(path).map_err(|e| refused(e.to_string()))?;
     let at = At::default().array(dataset.trim_start_matches('/'), "1", &["n", "y", "x"], "");
     let patterns: Vec<Pattern> = Stored::new(&artifact, at).read().map_err(|e| refused(e.to_string()))?;
-    let PatternForm { raster, groups } = form;
+    let PatternForm { raster, groups, .. } = form;
     let other = patterns
         .iter()
         .find(|pattern| pattern.raster() != raster || pattern.groups() > groups);

@@ -57,10 +57,7 @@ impl Device {
     /// Returns the form of its patterns.
     #[must_use]
     pub fn form(&self) -> PatternForm {
-        PatternForm {
-            raster: self.raster(),
-            groups: self.groups,
-        }
+        PatternForm::on(&self.membrane, self.groups)
     }
 
     /// Returns whether a corner, given by its index in `[y][x]`, is on the frame.

@@ -32,10 +32,7 @@ impl Layers {
     /// Returns the form of patterns on this raster with as many groups.
     #[must_use]
     pub fn form(&self) -> PatternForm {
-        PatternForm {
-            raster: self.0[0].raster(),
-            groups: self.0.len(),
-        }
+        PatternForm::of_square_cells(self.0[0].raster(), self.0.len())
     }
 
     /// Returns the cells of each group, from the first.

@@ -3,6 +3,8 @@
 //!
 //! An image with a pixel, or a block of equal pixels, per cell is read exactly. In any other image of one group a cell
 //! is an electrode if at least half of it is dark, and a note compares the area of the cells with that of the picture.
+//! The sides of an image have the ratio of the numbers of cells or, with square pixels, that of the membrane; in both
+//! cases the image covers the membrane.
 //! With several electrode groups, the index in a palette is the number of the group; without a palette, group g of n
 //! has the grey level (g − 1)/n from black to white, so there is no coverage.
 
@@ -13,6 +15,7 @@ use png::{ColorType, Decoder, DecodingError, Reader, Transformations};
 
 use super::file::{FilePatterns, PatternFileError, bytes};
 use super::raster::{Pattern, PatternForm, Raster};
+use deaflow_base::four_digits;
 
 /// Largest number of pixels along the side of a cell of several groups.
 const LARGEST_BLOCK: usize = 64;
@@ -36,18 +39,25 @@ pub(super) enum Greys {
 
 fn allowed(form: PatternForm) -> String {
     let ([columns, rows], groups) = (form.raster.sides(), form.groups);
+    let of_membrane = match form.cell_ratio {
+        1.0 => String::new(),
+        ratio => format!(
+            " or that of the membrane, {}",
+            four_digits(columns as f64 / (rows as f64 * ratio))
+        ),
+    };
     if groups == 1 {
         return format!(
-            "allowed: {columns} × {rows} pixels, or more or fewer with the same ratio of sides, up to {MOST_PIXELS} in \
-             all; dark = electrode, light = bare"
+            "allowed: {columns} × {rows} pixels, or more or fewer with the same ratio of width and height{of_membrane}, \
+             up to {MOST_PIXELS} in all; dark = electrode, light = bare"
         );
     }
     let level = |group: usize| format!("group {group} = {:.0} %", 100.0 * (group - 1) as f64 / groups as f64);
     let levels: Vec<String> = (1..=groups).map(level).collect();
     format!(
-        "allowed: {columns} × {rows} pixels, or k·{columns} × k·{rows} (k to {LARGEST_BLOCK}) with k × k pixels of one \
-         colour per cell; the number of the group as palette index, or as brightness: {}, bare = 100 %; no smoothing \
-         when scaling",
+        "allowed: {columns} × {rows} pixels, or whole numbers of equal pixels per cell (to {LARGEST_BLOCK} along a side) \
+         with the same ratio of width and height{of_membrane}; the number of the group as palette index, or as \
+         brightness: {}, bare = 100 %; no smoothing when scaling",
         levels.join(", ")
     )
 }
@@ -68,7 +78,7 @@ pub(super) fn read(path: &Path, form: PatternForm, greys: Greys) -> Result<FileP
         notes.push("shape taken from the transparency: opaque = electrode".to_owned());
     }
     let pattern = match image.exact(form) {
-        Err(_) if form.groups == 1 && greys == Greys::Covered && image.has_ratio_of(form.raster) => {
+        Err(_) if form.groups == 1 && greys == Greys::Covered && image.has_ratio_of(form) => {
             let (pattern, dark) = image.covered(form.raster);
             let percent = |share: f64| format!("{:.1} %", 100.0 * share);
             let [darkest, lightest] = image.extremes();
@@ -110,14 +120,11 @@ struct Image {
 impl Image {
     /// Returns the pattern of an image with a pixel, or a block of equal pixels, per cell.
     fn exact(&self, form: PatternForm) -> Result<Pattern, PatternFileError> {
-        let ([columns, rows], [width, height]) = (form.raster.sides(), self.sides);
-        let block = width / columns;
+        let ([_, rows], [width, height]) = (form.raster.sides(), self.sides);
         let most = if form.groups == 1 { usize::MAX } else { LARGEST_BLOCK };
-        if (block * columns, block * rows) != (width, height) || !(1..=most).contains(&block) {
-            return Err(PatternFileError::new(format!(
-                "the image has {width} × {height} pixels"
-            )));
-        }
+        let block = self.block(form).filter(|block| block.iter().all(|side| *side <= most));
+        let [across, up] =
+            block.ok_or_else(|| PatternFileError::new(format!("the image has {width} × {height} pixels")))?;
         let groups = self
             .pixels
             .iter()
@@ -128,11 +135,11 @@ impl Image {
             })
             .collect::<Result<Vec<u8>, _>>()?;
         // Image rows run downwards, patterns upwards.
-        let cell = |x: usize, y: usize| groups[(rows - 1 - y) * block * width + x * block];
-        let of_cell = |at: usize| cell(at % width / block, rows - 1 - at / width / block);
+        let cell = |x: usize, y: usize| groups[(rows - 1 - y) * up * width + x * across];
+        let of_cell = |at: usize| cell(at % width / across, rows - 1 - at / width / up);
         if let Some(at) = (0..groups.len()).find(|&at| groups[at] != of_cell(at)) {
             return Err(PatternFileError::new(format!(
-                "pixel (column {}, row {} from the top) differs from others of its {block} × {block} block",
+                "pixel (column {}, row {} from the top) differs from others of its {across} × {up} block",
                 at % width,
                 at / width
             )));
@@ -140,10 +147,31 @@ impl Image {
         Ok(Pattern::from_groups(form.raster, cell))
     }
 
-    /// Whether the sides have the ratio of a raster, to a pixel.
-    fn has_ratio_of(&self, raster: Raster) -> bool {
-        let ([columns, rows], [width, height]) = (raster.sides(), self.sides);
-        (width * rows).abs_diff(height * columns) <= columns.max(rows)
+    /// Returns the pixels along the sides of a cell if they are whole: equal numbers, or those of square pixels, each
+    /// rounded.
+    fn block(&self, form: PatternForm) -> Option<[usize; 2]> {
+        let ([columns, rows], [width, height]) = (form.raster.sides(), self.sides);
+        let [across, up] = [width / columns, height / rows];
+        // The pixels per width of a cell that are rounded to a number.
+        let rounded = |pixels: usize, side: f64| {
+            let least = if pixels == 1 { 0.0 } else { pixels as f64 - 0.5 };
+            [least / side, (pixels as f64 + 0.5) / side]
+        };
+        let ([low, high], [least, most]) = (rounded(across, 1.0), rounded(up, form.cell_ratio));
+        let is_whole = [across * columns, up * rows] == self.sides && across > 0 && up > 0;
+        let has_ratio = across == up || low.max(least) < high.min(most);
+        (is_whole && has_ratio).then_some([across, up])
+    }
+
+    /// Whether the sides have the ratio of the numbers of cells or that of the membrane, to a pixel, or to one for each
+    /// cell.
+    fn has_ratio_of(&self, form: PatternForm) -> bool {
+        let ([columns, rows], [width, height]) = (form.raster.sides(), self.sides);
+        let has_ratio = |cell: f64| {
+            let (columns, rows) = (columns as f64, rows as f64 * cell);
+            (width as f64 * rows - height as f64 * columns).abs() <= columns.max(rows)
+        };
+        has_ratio(1.0) || has_ratio(form.cell_ratio) || self.block(form).is_some()
     }
 
     /// Returns the brightness of what is dark and of what is light: the extremes, if they are on both sides of the

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::membrane::Membrane;
 use super::symmetry::{Symmetries, Symmetry};
 use deaflow_base::OrbitId;
 
@@ -24,22 +25,45 @@ pub struct Pattern {
 }
 
 /// The raster and the number of electrode groups of the patterns of a device.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PatternForm {
     /// The raster.
     pub raster: Raster,
     /// The number of electrode groups.
     pub groups: usize,
+    /// The height of a cell over its width; 1 if it is not known.
+    pub cell_ratio: f64,
 }
 
 impl PatternForm {
     /// The form for the membrane of the source paper.
     pub const PAPER: Self = Self::bare_or_electrode(Raster::PAPER);
 
-    /// Returns the form with one electrode group.
+    /// Returns the form with one electrode group and square cells.
     #[must_use]
     pub const fn bare_or_electrode(raster: Raster) -> Self {
-        Self { raster, groups: 1 }
+        Self::of_square_cells(raster, 1)
+    }
+
+    /// Returns the form with square cells.
+    #[must_use]
+    pub const fn of_square_cells(raster: Raster, groups: usize) -> Self {
+        Self {
+            raster,
+            groups,
+            cell_ratio: 1.0,
+        }
+    }
+
+    /// Returns the form of patterns on a membrane.
+    #[must_use]
+    pub fn on(membrane: &Membrane, groups: usize) -> Self {
+        let [width, height] = membrane.cell_mm();
+        Self {
+            raster: membrane.raster,
+            groups,
+            cell_ratio: height / width,
+        }
     }
 }
 
@@ -176,7 +200,7 @@ impl Pattern {
     /// # Errors
     /// When the number of values is not the number of cells, or a value is neither 0 nor an electrode group.
     pub fn of_form(form: PatternForm, cells: &[u8]) -> Result<Self, PatternError> {
-        let PatternForm { raster, groups } = form;
+        let PatternForm { raster, groups, .. } = form;
         let found = cells.len();
         if found != raster.cells() {
             return Err(PatternError::Shape { raster, found });

@@ -125,10 +125,7 @@ pub fn form_of(spec: &str) -> Result<PatternForm, InputError> {
     })?;
     Ok(match kind {
         FileKind::Picture => PatternForm::bare_or_electrode(raster),
-        FileKind::Array(_) | FileKind::Table => PatternForm {
-            raster,
-            groups: Pattern::MOST_GROUPS,
-        },
+        FileKind::Array(_) | FileKind::Table => PatternForm::of_square_cells(raster, Pattern::MOST_GROUPS),
     })
 }
 

@@ -379,10 +379,7 @@ impl Scene {
     /// The form of patterns of this scene.
     #[must_use]
     pub fn form(&self) -> PatternForm {
-        PatternForm {
-            raster: self.membrane().raster,
-            groups: self.groups(),
-        }
+        PatternForm::on(&self.membrane(), self.groups())
     }
 
     /// Returns the load of each group relative to the largest: the squared ratio of the voltages.

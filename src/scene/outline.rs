@@ -67,10 +67,7 @@ impl Outline {
     /// Returns the form of patterns on the device.
     #[must_use]
     pub fn form(&self) -> PatternForm {
-        PatternForm {
-            raster: self.membrane.raster,
-            groups: self.groups,
-        }
+        PatternForm::on(&self.membrane, self.groups)
     }
 }
 

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::corners::inner_sides;
 use deaflow_pattern::{Pattern, PatternForm, Raster};
+use deaflow_scene::Scene;
 
 /// The version of the format. It increases whenever older readers would misread a file.
 pub(crate) const VERSION: u64 = 2;
@@ -104,10 +105,12 @@ impl Header {
         Raster::new(columns, rows)
     }
 
-    /// Returns the form of its patterns.
+    /// Returns the form of its patterns; the scene knows the ratio of the cells.
     pub(crate) fn form(&self) -> Option<PatternForm> {
-        let groups = self.loads().len();
-        self.raster().map(|raster| PatternForm { raster, groups })
+        let scene = self.scene.as_deref().and_then(|text| Scene::from_text(text).ok());
+        let cell_ratio = scene.map_or(1.0, |scene| scene.form().cell_ratio);
+        let form = PatternForm::of_square_cells(self.raster()?, self.loads().len());
+        Some(PatternForm { cell_ratio, ..form })
     }
 
     /// Returns the load of each electrode group relative to the largest.

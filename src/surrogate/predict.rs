@@ -111,7 +111,7 @@ fn check_tensor(name: &str, tensor: &Tensor) -> Result<(), LoadError> {
 /// Predicts the field of each pattern in mm.
 fn evaluate(
     network: &dyn Network,
-    PatternForm { raster, groups }: PatternForm,
+    PatternForm { raster, groups, .. }: PatternForm,
     header: &Header,
     patterns: &[&Pattern],
 ) -> Result<Vec<Field>, PredictError> {

@@ -2,8 +2,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use super::*;
-use crate::CELLS;
-use crate::Raster;
+use crate::{CELLS, Membrane, Raster};
 
 pub fn wanted() -> Pattern {
     // Asymmetric under every transposition and mirror.
@@ -418,6 +417,63 @@ fn pictures_are_read_by_coverage_and_the_area_is_stated() {
 }
 
 #[test]
+fn pictures_have_the_ratio_of_the_cells_or_that_of_the_membrane() {
+    use ::png::ColorType::Grayscale;
+    let folder = Folder::new();
+    // 20 × 10 cells on 60 × 20 mm: a cell is 3 mm wide and 2 mm high.
+    let raster = Raster::new(20, 10).unwrap();
+    let membrane = Membrane {
+        raster,
+        size_mm: [60.0, 20.0],
+    };
+    let form = PatternForm::on(&membrane, 1);
+    let wanted = Pattern::from_fn(raster, |x, y| x < 4 || (x, y) == (19, 9) || (x + 3 * y) % 7 == 0);
+    let read = |width: u32, height: u32, form: PatternForm| {
+        let level = |at: u32| {
+            let [column, row] = [at % width * 20 / width, at / width * 10 / height];
+            if wanted.is_active(column as usize, 9 - row as usize) {
+                0
+            } else {
+                255
+            }
+        };
+        let image: Vec<u8> = (0..width * height).map(level).collect();
+        fs::write(folder.path("r.png"), png(width, height, Grayscale, &image)).unwrap();
+        read_patterns(folder.path("r.png").to_str().unwrap(), form).map_err(|error| format!("{error:?}"))
+    };
+    // Pixels per cell of both ratios, and 30 × 20 ones at 10.3 per mm, rounded; none leaves a note.
+    for [width, height] in [[20, 10], [60, 30], [60, 20], [620, 210]] {
+        let found = read(width, height, form).unwrap();
+        assert_eq!(
+            (found.patterns, found.notes.len()),
+            (vec![wanted.clone()], 0),
+            "{width} × {height}"
+        );
+    }
+    // Pixels that divide no cell, in the ratio of the membrane and in that of the cells.
+    for [width, height] in [[450, 150], [451, 150], [350, 175]] {
+        let found = read(width, height, form).unwrap();
+        assert_eq!(
+            (found.patterns, found.notes.len()),
+            (vec![wanted.clone()], 1),
+            "{width} × {height}"
+        );
+    }
+    // Another ratio, as that of a picture that was turned or cut, and that of the membrane if it is not known.
+    for [width, height] in [[10, 20], [20, 20], [100, 10], [400, 150], [480, 150]] {
+        let refused = read(width, height, form).unwrap_err();
+        assert!(refused.contains(&format!("{width} × {height} pixels")), "{refused}");
+        assert!(refused.contains("or that of the membrane, 3.000"), "{refused}");
+    }
+    let refused = read(60, 20, PatternForm::of_square_cells(raster, 1)).unwrap_err();
+    assert!(!refused.contains("membrane"), "{refused}");
+    // Several groups, whose cells are blocks.
+    let groups = PatternForm::on(&membrane, 2);
+    assert_eq!(read(60, 20, groups).unwrap().patterns, [wanted.clone()]);
+    assert!(read(450, 150, groups).is_err());
+}
+
+#[test]
 fn a_shape_in_the_transparency_is_read() {
     use ::png::ColorType::{GrayscaleAlpha, Rgba};
     let folder = Folder::new();
@@ -519,7 +575,7 @@ fn read_groups(folder: &Folder, name: &str, form: PatternForm) -> Result<Vec<Pat
 fn groups_are_read_as_numbers_grey_levels_and_indices() {
     let folder = Folder::new();
     let raster = Raster::new(7, 5).unwrap();
-    let (form, wanted) = (PatternForm { raster, groups: 3 }, grouped(raster));
+    let (form, wanted) = (PatternForm::of_square_cells(raster, 3), grouped(raster));
     let lines = wanted
         .cells()
         .chunks(7)
@@ -573,7 +629,7 @@ fn groups_are_read_as_numbers_grey_levels_and_indices() {
         );
     }
     // With fewer groups the file, the cell and what is allowed are named.
-    let fewer = PatternForm { raster, groups: 2 };
+    let fewer = PatternForm::of_square_cells(raster, 2);
     for (name, says) in [
         ("g.csv", "[y=0][x=3] is 3"),
         ("g.npy", "[y=0][x=3] is 3"),

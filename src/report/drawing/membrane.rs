@@ -225,7 +225,8 @@ impl DeformedMembrane {
         }
         let groups = Pattern::MOST_GROUPS;
         Ok(Self {
-            pattern: Pattern::of_form(PatternForm { raster, groups }, cells).map_err(|e| incomplete(e.to_string()))?,
+            pattern: Pattern::of_form(PatternForm::of_square_cells(raster, groups), cells)
+                .map_err(|e| incomplete(e.to_string()))?,
             displacement: Field::from_values(raster, displacement.to_vec()).map_err(|e| incomplete(e.to_string()))?,
             background,
             points,
