@@ -161,7 +161,7 @@ def main():
     schema = plain(json.load(sys.stdin))
     kinds = schema["$defs"]
     order = ["sample", "solve", "balance", "train", "calibrate", "evaluate", "design", "verify", "accuracy", "audit"]
-    order += [kind for kind in kinds if kind not in order and kind not in ("scene", "axis", *SWEEPS)]
+    order += [kind for kind in kinds if kind not in order and kind not in ("scene", "shape", "axis", *SWEEPS)]
     parts = [HEAD.strip(), section("Scene", kinds["scene"]), sweeps(kinds)]
     parts += [section(f"kind: {kind}", kinds[kind]) for kind in order if kind in kinds]
     print("\n\n".join(parts))

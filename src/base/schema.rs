@@ -9,6 +9,9 @@ use serde_json::{Map, Value, json};
 
 use super::quantity::Dimension;
 
+/// The key of the definitions of a document.
+const DEFINITIONS: &str = "$defs";
+
 /// The schema of one value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Schema(Map<String, Value>);
@@ -136,6 +139,29 @@ impl Schema {
         }
         let alternatives: Vec<Value> = alternatives.into_iter().map(Value::from).collect();
         Self::new(json!({ "anyOf": alternatives }))
+    }
+
+    /// A reference to a definition of the document.
+    #[must_use]
+    pub fn reference(name: &str) -> Self {
+        Self::new(json!({ "$ref": format!("#/$defs/{name}") }))
+    }
+
+    /// Adds a definition, which schemas can refer to: also itself.
+    #[must_use]
+    pub fn define(mut self, name: &str, schema: Self) -> Self {
+        if let Value::Object(definitions) = self.0.entry(DEFINITIONS).or_insert_with(|| json!({})) {
+            definitions.insert(name.to_owned(), schema.into());
+        }
+        self
+    }
+
+    /// Removes the definitions, which belong at the root of a document.
+    pub fn take_definitions(&mut self) -> Map<String, Value> {
+        match self.0.remove(DEFINITIONS) {
+            Some(Value::Object(definitions)) => definitions,
+            _ => Map::new(),
+        }
     }
 
     /// Adds the meaning of the value before the description of what is allowed.

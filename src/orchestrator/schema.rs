@@ -13,17 +13,16 @@ const DIALECT: &str = "https://json-schema.org/draft/2020-12/schema";
 /// The JSON Schema of pipelines.
 #[must_use]
 pub fn pipeline_schema(registry: &Registry) -> Value {
-    let reference = |name: &str| Schema::new(json!({ "$ref": format!("#/$defs/{name}") }));
-    let scene = Schema::any_of([
+    let scene_or_file = Schema::any_of([
         Schema::new(json!({ "type": "string", "description": "A file, relative to the pipeline." })),
-        reference("scene"),
+        Schema::reference("scene"),
     ]);
     let stages = json!({
         "type": "object",
         "description": "The stages by name, in any order. Names are of letters, digits, '_' and '-'.",
         "minProperties": 1,
         "propertyNames": { "pattern": "^[A-Za-z0-9_-]+$" },
-        "additionalProperties": Value::from(Schema::any_of(registry.kinds.iter().map(|kind| reference(kind.name())))),
+        "additionalProperties": Value::from(Schema::any_of(registry.kinds.iter().map(|kind| Schema::reference(kind.name())))),
     });
     let pipeline = Fields::new("A pipeline of deaflow: stages that need each other, and the scene that they share.")
         .required(
@@ -33,12 +32,13 @@ pub fn pipeline_schema(registry: &Registry) -> Value {
         .required("name", Schema::text().description("The name of the pipeline."))
         .optional(
             "scene",
-            scene.description("The scene of all stages: a file, or the mapping itself."),
+            scene_or_file.description("The scene of all stages: a file, or the mapping itself."),
         )
         .required("stages", Schema::new(stages));
-    let mut definitions = Map::new();
+    let mut scene = (registry.scene_schema)();
+    let mut definitions = scene.take_definitions();
     let gated = registry.kinds.iter().any(|kind| kind.gates());
-    definitions.insert("scene".to_owned(), (registry.scene_schema)().into());
+    definitions.insert("scene".to_owned(), scene.into());
     for kind in &registry.kinds {
         definitions.insert(kind.name().to_owned(), of_kind(*kind, gated, registry).into());
     }
@@ -56,9 +56,13 @@ pub fn pipeline_schema(registry: &Registry) -> Value {
 /// The JSON Schema of scenes in files of their own.
 #[must_use]
 pub fn scene_schema(registry: &Registry) -> Value {
-    let mut root = titled("deaflow scene", (registry.scene_schema)());
+    let mut scene = (registry.scene_schema)();
+    let mut definitions = scene.take_definitions();
+    let mut root = titled("deaflow scene", scene);
     allow_axes(&mut root);
-    root["$defs"] = json!({ "axis": axis() });
+    definitions.values_mut().for_each(allow_axes);
+    definitions.insert("axis".to_owned(), axis());
+    root["$defs"] = Value::Object(definitions);
     root
 }
 

@@ -3,6 +3,7 @@
 
 mod array;
 mod bits;
+mod contour;
 mod csv;
 mod file;
 mod layers;
@@ -17,6 +18,7 @@ mod role;
 mod symmetry;
 
 pub use bits::{Bits, distance};
+pub use contour::{Arc, Contour, Contours, FillRule, Piece, area_of, area_within};
 pub use deaflow_array::split as split_array;
 pub use file::{FilePatterns, PatternFileError, is_of_mask};
 pub use layers::{Layers, PatternEquivalence};

@@ -1,29 +1,62 @@
 //! Regions of a membrane in mm, and the cells in them.
 
 use super::bits::Bits;
+use super::contour::{Contour, Contours, FillRule, RESOLUTION, cells_of_polygons};
 use super::membrane::Membrane;
+use super::raster::Raster;
 
-/// A region of the membrane in mm from its lower left corner.
+/// A region of the membrane in mm from its lower left corner. The border belongs to it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Region {
-    /// Two opposite corners. The border belongs to the rectangle.
+    /// Two opposite corners.
     Rectangle([[f64; 2]; 2]),
-    /// A disc. The border belongs to it.
+    /// A rectangle that is turned about its centre, or has round corners.
+    Rounded {
+        /// The centre.
+        centre: [f64; 2],
+        /// Half of the sides.
+        half: [f64; 2],
+        /// The angle of its first side to x in rad, anticlockwise.
+        angle: f64,
+        /// The radius of its corners.
+        radius: f64,
+    },
+    /// A disc.
     Disc {
         /// The centre.
         centre: [f64; 2],
         /// The radius.
         radius: f64,
     },
-    /// The corners in order. If the polygon crosses itself, the even-odd rule applies. The border belongs to it.
+    /// An ellipse.
+    Ellipse {
+        /// The centre.
+        centre: [f64; 2],
+        /// The semiaxes.
+        semiaxes: [f64; 2],
+        /// The angle of the first semiaxis to x in rad, anticlockwise.
+        angle: f64,
+    },
+    /// A ring.
+    Ring {
+        /// The centre.
+        centre: [f64; 2],
+        /// The inner and the outer radius.
+        radii: [f64; 2],
+    },
+    /// The corners in order. If the polygon crosses itself, the even-odd rule applies.
     Polygon(Vec<[f64; 2]>),
+    /// What contours fill.
+    Contours(Contours),
     /// Cells of a membrane with this raster.
     Cells(Bits),
+    /// What is in any of these.
+    Union(Vec<Region>),
+    /// What is in all of these.
+    Intersection(Vec<Region>),
+    /// The first without the others.
+    Without(Box<Region>, Vec<Region>),
 }
-
-/// How far outside of a border a point still counts as on it, relative to the coordinates: rounding must not make the
-/// cells of a symmetric region asymmetric.
-const RESOLUTION: f64 = 1e-12;
 
 impl Region {
     fn contains(&self, [x, y]: [f64; 2]) -> bool {
@@ -36,42 +69,125 @@ impl Region {
                 };
                 between(x, *a, *c) && between(y, *b, *d)
             }
-            Self::Disc { centre, radius } => {
-                let tolerance = RESOLUTION * (centre[0].abs() + centre[1].abs() + radius);
-                (x - centre[0]).hypot(y - centre[1]) <= radius + tolerance
+            Self::Rounded {
+                centre,
+                half,
+                angle,
+                radius,
+            } => {
+                let at = turned([x - centre[0], y - centre[1]], -angle);
+                let beyond = [0, 1].map(|axis| at[axis].abs() - half[axis] + radius);
+                let outside = beyond[0].max(0.0).hypot(beyond[1].max(0.0));
+                outside + beyond[0].max(beyond[1]).min(0.0) <= radius + tolerance(*centre, half[0] + half[1])
             }
-            Self::Polygon(corners) => is_inside(corners, [x, y]),
+            Self::Disc { centre, radius } => {
+                (x - centre[0]).hypot(y - centre[1]) <= radius + tolerance(*centre, *radius)
+            }
+            Self::Ellipse {
+                centre,
+                semiaxes,
+                angle,
+            } => {
+                let at = turned([x - centre[0], y - centre[1]], -angle);
+                let least = semiaxes[0].min(semiaxes[1]);
+                (at[0] / semiaxes[0]).hypot(at[1] / semiaxes[1])
+                    <= 1.0 + tolerance(*centre, semiaxes[0] + semiaxes[1]) / least
+            }
+            Self::Ring { centre, radii } => {
+                let (distance, tolerance) = ((x - centre[0]).hypot(y - centre[1]), tolerance(*centre, radii[1]));
+                (radii[0] - tolerance..=radii[1] + tolerance).contains(&distance)
+            }
+            Self::Polygon(_) | Self::Contours(_) | Self::Union(_) | Self::Intersection(_) | Self::Without(..) => false,
         }
     }
 
     /// Returns the cells whose centre lies in the region; none for cells of another raster.
     #[must_use]
     pub fn cells(&self, membrane: Membrane) -> Bits {
+        let cells = |region: &Self| region.cells(membrane);
+        let union = |regions: &[Self]| {
+            let empty = Bits::empty(membrane.raster);
+            regions.iter().map(cells).fold(empty, |all, cells| all.or(&cells))
+        };
         match self {
             Self::Cells(cells) if cells.raster() == membrane.raster => cells.clone(),
+            Self::Polygon(corners) => cells_of_polygons(std::slice::from_ref(corners), FillRule::EvenOdd, membrane),
+            Self::Contours(contours) => contours.cells(membrane),
+            Self::Union(regions) => union(regions),
+            Self::Intersection(regions) => {
+                let full = Bits::full(membrane.raster);
+                regions.iter().map(cells).fold(full, |all, cells| all.and(&cells))
+            }
+            Self::Without(region, others) => region.cells(membrane).without(&union(others)),
             _ => Bits::from_fn(membrane.raster, |x, y| self.contains(membrane.centre_mm(x, y))),
+        }
+    }
+
+    /// Returns the contours around the region, anticlockwise or outer before inner; `None` for cells and for shapes
+    /// that are combined.
+    #[must_use]
+    pub fn contours(&self) -> Option<Contours> {
+        let of = |contours: Vec<Contour>| Contours {
+            contours,
+            rule: FillRule::EvenOdd,
+        };
+        let rounded = |[a, b]: [f64; 2], half: [f64; 2], angle: f64, radius: f64| {
+            Some(of(vec![Contour::rectangle([a, b], half, angle, radius)]))
+        };
+        match self {
+            Self::Rectangle([one, other]) => rounded(
+                [0, 1].map(|axis| f64::midpoint(one[axis], other[axis])),
+                [0, 1].map(|axis| (other[axis] - one[axis]).abs() / 2.0),
+                0.0,
+                0.0,
+            ),
+            Self::Rounded {
+                centre,
+                half,
+                angle,
+                radius,
+            } => rounded(*centre, *half, *angle, *radius),
+            Self::Disc { centre, radius } => Some(of(vec![Contour::ellipse(*centre, [*radius; 2], 0.0)])),
+            Self::Ellipse {
+                centre,
+                semiaxes,
+                angle,
+            } => Some(of(vec![Contour::ellipse(*centre, *semiaxes, *angle)])),
+            Self::Ring { centre, radii } => {
+                let disc = |radius: f64| Contour::ellipse(*centre, [radius; 2], 0.0);
+                Some(of(vec![disc(radii[1]), disc(radii[0])]))
+            }
+            Self::Polygon(corners) => Some(of(Contour::polygon(corners).into_iter().collect())),
+            Self::Contours(contours) => Some(contours.clone()),
+            Self::Cells(_) | Self::Union(_) | Self::Intersection(_) | Self::Without(..) => None,
+        }
+    }
+
+    /// Returns the raster of a mask in the region that is not this one.
+    #[must_use]
+    pub fn other_raster(&self, raster: Raster) -> Option<Raster> {
+        match self {
+            Self::Cells(cells) => Some(cells.raster()).filter(|found| *found != raster),
+            Self::Union(regions) | Self::Intersection(regions) => {
+                regions.iter().find_map(|region| region.other_raster(raster))
+            }
+            Self::Without(region, others) => region
+                .other_raster(raster)
+                .or_else(|| others.iter().find_map(|region| region.other_raster(raster))),
+            _ => None,
         }
     }
 }
 
-/// Returns whether a point lies in a polygon: on its border, or with an odd number of its edges to the right.
-fn is_inside(corners: &[[f64; 2]], [x, y]: [f64; 2]) -> bool {
-    let edges = corners.iter().zip(corners.iter().cycle().skip(1));
-    let mut inside = false;
-    for (&[a, b], &[c, d]) in edges {
-        let (along, across) = ([c - a, d - b], [x - a, y - b]);
-        let length = along[0].hypot(along[1]);
-        let tolerance = RESOLUTION * (a.abs() + b.abs() + c.abs() + d.abs());
-        let distance = (along[0] * across[1] - along[1] * across[0]).abs() / length;
-        let share = (along[0] * across[0] + along[1] * across[1]) / (length * length);
-        if distance <= tolerance && (0.0..=1.0).contains(&share) {
-            return true;
-        }
-        if (b > y) != (d > y) && x < a + (y - b) / (d - b) * (c - a) {
-            inside = !inside;
-        }
-    }
-    inside
+/// Returns how far outside of a border a point still counts as on it.
+fn tolerance(centre: [f64; 2], extent: f64) -> f64 {
+    RESOLUTION * (centre[0].abs() + centre[1].abs() + extent)
+}
+
+/// Turns a vector anticlockwise by an angle in rad.
+fn turned([x, y]: [f64; 2], angle: f64) -> [f64; 2] {
+    let (sin, cos) = angle.sin_cos();
+    [cos * x - sin * y, sin * x + cos * y]
 }
 
 #[cfg(test)]
@@ -127,5 +243,100 @@ mod tests {
         assert_eq!(drawn(&disc), ["..##..", ".####.", ".####.", "..##.."]);
         let rectangle = Region::Rectangle([[4.5, 3.5], [1.5, 0.6]]);
         assert_eq!(drawn(&rectangle), [".####.", ".####.", ".####.", "......"]);
+    }
+
+    #[test]
+    fn turned_and_round_regions_have_their_areas_and_symmetries() {
+        let membrane = Membrane {
+            raster: Raster::new(400, 400).unwrap(),
+            size_mm: [20.0, 20.0],
+        };
+        let pi = std::f64::consts::PI;
+        let area = |region: &Region| region.cells(membrane).count() as f64 * 0.05 * 0.05;
+        let (centre, angle) = ([10.0, 10.0], pi / 6.0);
+        for (region, exact) in [
+            (
+                Region::Ellipse {
+                    centre,
+                    semiaxes: [7.0, 3.0],
+                    angle,
+                },
+                pi * 21.0,
+            ),
+            (
+                Region::Ring {
+                    centre,
+                    radii: [3.0, 8.0],
+                },
+                pi * 55.0,
+            ),
+            (
+                Region::Rounded {
+                    centre,
+                    half: [6.0, 2.0],
+                    angle,
+                    radius: 0.0,
+                },
+                48.0,
+            ),
+            (
+                Region::Rounded {
+                    centre,
+                    half: [6.0, 2.0],
+                    angle,
+                    radius: 2.0,
+                },
+                32.0 + pi * 4.0,
+            ),
+        ] {
+            assert!(
+                (area(&region) / exact - 1.0).abs() < 2e-3,
+                "{region:?}: {} {exact}",
+                area(&region)
+            );
+            // A half turn about the middle maps each to itself, also on borders through centres.
+            let cells = region.cells(membrane);
+            let turned = Bits::from_fn(membrane.raster, |x, y| cells.has(399 - x, 399 - y));
+            assert_eq!(cells, turned, "{region:?}");
+            let found = region.contours().unwrap().area();
+            assert!((found / exact - 1.0).abs() < 1e-14, "{region:?}: {found} {exact}");
+        }
+        // The ellipse lies along 30°, not −30°.
+        let ellipse = Region::Ellipse {
+            centre,
+            semiaxes: [7.0, 3.0],
+            angle,
+        };
+        let tip = [10.0 + 6.9 * angle.cos(), 10.0 + 6.9 * angle.sin()];
+        assert!(ellipse.contains(tip) && !ellipse.contains([tip[0], 20.0 - tip[1]]));
+    }
+
+    #[test]
+    fn regions_are_combined() {
+        let disc = |x: f64, radius: f64| Region::Disc {
+            centre: [x, 2.0],
+            radius,
+        };
+        let all = Region::Rectangle([[0.0, 0.0], [6.0, 4.0]]);
+        assert_eq!(
+            drawn(&Region::Union(vec![
+                disc(0.5, 1.0),
+                Region::Rectangle([[5.0, 0.0], [6.0, 1.0]])
+            ])),
+            ["......", "#.....", "#.....", ".....#"]
+        );
+        assert_eq!(
+            drawn(&Region::Intersection(vec![disc(2.0, 1.8), disc(4.0, 1.8)])),
+            ["......", "..##..", "..##..", "......"]
+        );
+        let cells = Bits::from_fn(Raster::new(6, 4).unwrap(), |x, _| x == 5);
+        let others = vec![disc(3.0, 2.0), Region::Cells(cells.clone())];
+        let without = Region::Without(Box::new(all), others);
+        assert_eq!(drawn(&without), ["##..#.", "#.....", "#.....", "##..#."].map(|row| row));
+        let nested = Region::Without(Box::new(without), vec![Region::Rectangle([[0.0, 0.0], [1.0, 4.0]])]);
+        assert_eq!(drawn(&nested), [".#..#.", "......", "......", ".#..#."]);
+        let other = Raster::new(7, 4).unwrap();
+        assert_eq!(nested.other_raster(other), Some(cells.raster()));
+        assert_eq!(nested.other_raster(cells.raster()), None);
     }
 }

@@ -159,8 +159,8 @@ fn check(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
 /// Checks that masks have the cells of the membrane.
 fn check_masks(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
     let raster = geometry.membrane().raster;
-    let check = |shape: &Shape, node: Option<&Node>| match (shape.raster(), node) {
-        (Some(other), Some(node)) if other != raster => Err(node
+    let check = |shape: &Shape, node: Option<&Node>| match (shape.region().other_raster(raster), node) {
+        (Some(other), Some(node)) => Err(node
             .error(format!("the mask has {other} cells, but the membrane has {raster}"))
             .help("a mask needs one value for each cell of the membrane")),
         _ => Ok(()),

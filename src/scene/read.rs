@@ -8,6 +8,7 @@ use super::effects::{AUTO, Effects, On, Properties, names, switched_on};
 use super::geometry::Geometry;
 use super::leads::Leads;
 use super::model::{Material, SECTIONS, Scene, VACUUM_PERMITTIVITY, WHAT};
+use super::shape::Shape;
 use super::waveform::Waveform;
 use deaflow_base::{Declared, Document, Fields, InputError, Map, Node, NodeValue, Parameter, Schema};
 
@@ -128,7 +129,7 @@ impl Scene {
     pub fn schema() -> Schema {
         let effects = Schema::any_of([Schema::word(&[AUTO]), Effects::schema(&())])
             .description("The effects beyond the base model; auto: those that are significant.");
-        Fields::new("A membrane on a frame, its drive and its effects.")
+        let scene = Fields::new("A membrane on a frame, its drive and its effects.")
             .required("geometry", Geometry::schema(&()))
             .required("material", Material::schema(&()))
             .optional("drive", Drive::schema(&()))
@@ -141,8 +142,8 @@ impl Scene {
             .at_least_one(&["drive", "states"])
             .optional("leads", Leads::schema(&()))
             .optional("effects", effects.default(serde_json::json!({})))
-            .optional("properties", Properties::schema(&()))
-            .into()
+            .optional("properties", Properties::schema(&()));
+        Schema::from(scene).define(Shape::DEFINITION, Shape::fields().into())
     }
 
     /// Returns what excludes electrodes with a resistance in this scene with these effects.

@@ -257,3 +257,104 @@ fn equal_voltages_and_states_have_one_canonical_form() {
         assert!(format!("{error:?} {error}").contains(says), "{wrong}: {error:?}");
     }
 }
+
+fn with_opening(shape: &str) -> Result<Scene, InputError> {
+    Scene::from_text(&format!(
+        "{{ geometry: {{ side: 20 mm, thickness: 1 mm, prestretch: 3, cells: 40, frame: {{ opening: {shape} }} }}, \
+         material: {{ model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, \
+         drive: {{ voltage: 5 kV }} }}"
+    ))
+}
+
+#[test]
+fn shapes_have_their_areas_and_survive_their_text() {
+    let pi = std::f64::consts::PI;
+    for (shape, exact) in [
+        (
+            "{ ellipse: { centre: [10 mm, 10 mm], semiaxes: [8 mm, 4 mm], angle: 30 deg } }",
+            32.0 * pi,
+        ),
+        ("{ ring: { centre: [10 mm, 1 cm], radii: [3 mm, 9 mm] } }", 72.0 * pi),
+        (
+            "{ rectangle: { corners: [[4 mm, 7 mm], [16 mm, 13 mm]], angle: -20 deg } }",
+            72.0,
+        ),
+        (
+            "{ rectangle: { corners: [[4 mm, 7 mm], [16 mm, 13 mm]], angle: 45 deg, corner: 3 mm } }",
+            36.0 + 9.0 * pi,
+        ),
+        (
+            "{ path: { from: [5 mm, 7 mm], to: [{ line: [15 mm, 7 mm] }, { arc: [[18 mm, 10 mm], [15 mm, 13 mm]] }, \
+             { line: [5 mm, 13 mm] }, { arc: [[2 mm, 10 mm], [5 mm, 7 mm]] }] } }",
+            60.0 + 9.0 * pi,
+        ),
+        (
+            "{ path: { from: [3 mm, 4 mm], to: [{ cubic: [[6 mm, 16 mm], [12 mm, 16 mm], [15 mm, 4 mm]] }] } }",
+            75.6,
+        ),
+        (
+            "{ union: [{ disc: { centre: [6 mm, 10 mm], radius: 4 mm } }, { rectangle: [[11 mm, 6 mm], [15 mm, 14 mm]] }] }",
+            16.0 * pi + 32.0,
+        ),
+        (
+            "{ intersect: [{ disc: { centre: [10 mm, 10 mm], radius: 8 mm } }, { rectangle: [[0 mm, 0 mm], [20 mm, 10 mm]] }] }",
+            32.0 * pi,
+        ),
+        (
+            "{ disc: { centre: [10 mm, 10 mm], radius: 8 mm }, without: [{ union: [{ rectangle: [[9 mm, 0 mm], [11 mm, 10 mm]] }, \
+             { disc: { centre: [10 mm, 10 mm], radius: 2 mm } }] }] }",
+            64.0 * pi - 2.0 * pi - 16.0,
+        ),
+    ] {
+        let scene = with_opening(shape).unwrap();
+        let area = scene.geometry.parts().unwrap().free_cells().count() as f64 * 0.25;
+        assert!((area / exact - 1.0).abs() < 0.025, "{shape}: {area} {exact}");
+        assert_eq!(Scene::from_text(&scene.to_text()).unwrap(), scene, "{shape}");
+    }
+}
+
+#[test]
+fn equal_shapes_have_one_canonical_form() {
+    let plain = with_opening("{ rectangle: [[4 mm, 7 mm], [16 mm, 13 mm]] }").unwrap();
+    let other = "{ rectangle: { corners: [[4 mm, 7 mm], [1.6 cm, 13 mm]], angle: 0 deg, corner: 0 mm } }";
+    assert_eq!(with_opening(other).unwrap().canonical(), plain.canonical());
+}
+
+#[test]
+fn wrong_shapes_are_refused_at_their_place() {
+    for (shape, says) in [
+        (
+            "{ ring: { centre: [10 mm, 10 mm], radii: [5 mm, 5 mm] } }",
+            "the inner radius 5 mm is not smaller",
+        ),
+        (
+            "{ rectangle: { corners: [[4 mm, 7 mm], [16 mm, 13 mm]], corner: 3.5 mm } }",
+            "more than half of the shorter side",
+        ),
+        (
+            "{ path: { from: [5 mm, 5 mm], to: [{ arc: [[6 mm, 6 mm], [9 mm, 9 mm]] }] } }",
+            "lie on a line",
+        ),
+        (
+            "{ path: { from: [5 mm, 5 mm], to: [{ line: [6 mm, 6 mm], arc: [[6 mm, 6 mm], [9 mm, 3 mm]] }] } }",
+            "must have one of `line`, `arc` and `cubic`",
+        ),
+        (
+            "{ without: [{ disc: { centre: [10 mm, 10 mm], radius: 2 mm } }] }",
+            "a shape must have one of",
+        ),
+        (
+            "{ disc: { centre: [10 mm, 10 mm], radius: 2 mm }, ellipse: { centre: [10 mm, 10 mm], semiaxes: [2 mm, 3 mm] } }",
+            "a shape must have one of",
+        ),
+        ("{ union: [] }", "`union` is empty"),
+        ("{ union: [{ disk: 3 }] }", "disk"),
+        (
+            "{ union: [{ mask: { columns: 2, rows: 1, runs: [1, 1] } }] }",
+            "the mask has 2 × 1 cells, but the membrane has 40 × 40",
+        ),
+    ] {
+        let error = with_opening(shape).unwrap_err().to_string();
+        assert!(error.contains(says), "{shape}: {error}");
+    }
+}

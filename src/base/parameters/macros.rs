@@ -17,6 +17,7 @@ macro_rules! parameters {
         })?
         $(rules($rules:path))?
         $(check($check:path))?
+        $(shared($shared:literal))?
     ) => {
         $(#[doc = $about])+
         #[derive(Clone, Debug, PartialEq, Eq $($(, $derive)+)?)]
@@ -24,6 +25,11 @@ macro_rules! parameters {
             $($(#[doc = $doc])+ $field_vis $field: $type,)*
             $($($(#[doc = $part_doc])+ $part_vis $part: $part_type,)+)?
         }
+
+        $(impl $name {
+            /// The name of its definition in schemas.
+            pub const DEFINITION: &'static str = $shared;
+        })?
 
         impl $crate::Declared for $name {
             const WHAT: &'static str = $what;
@@ -88,7 +94,7 @@ macro_rules! parameters {
             }
 
             fn schema((): &()) -> $crate::Schema {
-                <Self as $crate::Declared>::fields().into()
+                $crate::parameters!(@schema Self $(, $shared)?)
             }
 
             fn literal(literal: Self) -> Self {
@@ -96,6 +102,8 @@ macro_rules! parameters {
             }
         }
     };
+    (@schema $type:ty) => { <$type as $crate::Declared>::fields().into() };
+    (@schema $type:ty, $shared:literal) => { $crate::Schema::reference($shared) };
     (@limits) => { &() };
     (@limits $limits:expr) => { &$limits };
     (@default $type:ty) => { None };

@@ -24,7 +24,8 @@
 //! literal: `0.5`, `"0.003 mm"`, a word. A key without a default is required, unless its type is an `Option`. The
 //! struct can be followed, in this order, by `include { name: Type }`, which adds the keys of another mapping;
 //! `rules(path)`, a function that adds rules for several keys to the [`Fields`]; and `check(path)`, a function that
-//! checks several keys together.
+//! checks several keys together; and `shared("name")` if the schema is a definition of the document, which can contain
+//! itself.
 //!
 //! [`variants!`](crate::variants) declares a mapping whose parameters depend on the word of a key,
 //! [`words!`](crate::words) an enum of words. A type with its own syntax implements [`Parameter`].

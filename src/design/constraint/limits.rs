@@ -2,7 +2,7 @@
 
 use super::morphology::opened;
 use super::raster::RasterConstraints;
-use deaflow_pattern::{Bits, Membrane, Region};
+use deaflow_pattern::{Bits, Membrane, Raster, Region};
 
 /// Tolerance of widths, in cells: rounding must not widen a feature by a cell.
 const RESOLUTION: f64 = 1e-9;
@@ -78,6 +78,16 @@ pub enum ConstraintError {
         number: usize,
         /// The sides of the membrane.
         size: String,
+    },
+    /// A mask in a region has other cells.
+    #[error("`keep_out` number {number}: the mask has {found} cells, but the membrane has {raster}")]
+    Mask {
+        /// The number of the region, from 1.
+        number: usize,
+        /// The cells of the mask.
+        found: Raster,
+        /// The cells of the membrane.
+        raster: Raster,
     },
     /// No side for leads.
     #[error("`leads` names no side of the frame; allowed: left, right, bottom, top")]
@@ -180,9 +190,13 @@ impl Limits {
         let available = available.cloned().unwrap_or_else(|| Bits::full(membrane.raster));
         let mut free = available.clone();
         for (index, region) in self.keep_out.iter().enumerate() {
+            let (number, raster) = (index + 1, membrane.raster);
+            if let Some(found) = region.other_raster(raster) {
+                return Err(ConstraintError::Mask { number, found, raster });
+            }
             let cells = region.cells(membrane);
             if cells.is_empty() {
-                let (number, size) = (index + 1, membrane.size_text());
+                let size = membrane.size_text();
                 return Err(ConstraintError::Outside { number, size });
             }
             free = free.without(&cells);

@@ -241,7 +241,7 @@ fn located(node: &Node, map: &Map<'_>, error: &ConstraintError) -> InputError {
         ConstraintError::Number { name, .. } => map.optional(name),
         ConstraintError::Feature { .. } => map.optional("min_feature"),
         ConstraintError::Gap { .. } | ConstraintError::OneGroup => map.optional("gap").or(map.optional("min_feature")),
-        ConstraintError::Outside { number, .. } => {
+        ConstraintError::Outside { number, .. } | ConstraintError::Mask { number, .. } => {
             let list = map.optional("keep_out").and_then(|list| list.list("keep_out").ok());
             list.and_then(|list| list.get(number - 1))
         }
@@ -333,7 +333,10 @@ mod tests {
             ("{ leads: [lefft] }", "`leads` cannot be \"lefft\""),
             ("{ leads: [] }", "names no side"),
             ("{ keep_out: [{ square: 1 }] }", "unknown key `square`"),
-            ("{ keep_out: [{}] }", "one of `rectangle`, `disc`, `polygon` and `mask`"),
+            (
+                "{ keep_out: [{}] }",
+                "a shape must have one of `rectangle`, `disc`, `ellipse`",
+            ),
             (
                 "{ keep_out: [{ rectangle: [[0, 0]] }] }",
                 "`rectangle` must have two values",

@@ -45,9 +45,8 @@ pub struct Sweep {
 
 /// The keys of stages that stand for several.
 pub fn schema(fields: Fields) -> Fields {
-    KEYS.into_iter().fold(fields, |fields, key| {
-        fields.optional(key, Schema::new(json!({ "$ref": format!("#/$defs/{key}") })))
-    })
+    KEYS.into_iter()
+        .fold(fields, |fields, key| fields.optional(key, Schema::reference(key)))
 }
 
 /// What the keys of a stage that stands for several may hold, by the key.

@@ -205,16 +205,26 @@ stages:
   drawn: { foreach: { family: [blobs, curves] }, kind: sample, groups: 1, family: '${family}', count: 2, area: 0.5, seed: 1 }
 ";
 
-const GEOMETRIES: [&str; 6] = [
+const GEOMETRIES: [&str; 7] = [
     "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 4, frame: { opening: { mask: { columns: 4, rows: 4, runs: [0, 16] } },
       held: [{ mask: { columns: 4, rows: 4, runs: [0, 1, 15] } }] }, bodies: [{ mask: { columns: 4, rows: 4, runs: [10, 1, 5] } }] }",
     "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }",
     "{ size: [60 mm, 30 mm], thickness: 1.0 mm, prestretch: [3.0, 4], cells: [120, 60] }",
     "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, frame: { opening: { disc: { centre: [25 mm, 25 mm], radius: 24 mm } },
       held: [{ rectangle: [[24 mm, 24 mm], [26 mm, 26 mm]] }, { disc: { centre: [25 mm, 25 mm], radius: 1 mm } },
-      { polygon: [[25 mm, 25 mm], [27 mm, 25 mm], [25 mm, 27 mm]] }] },
+      { polygon: [[25 mm, 25 mm], [27 mm, 25 mm], [25 mm, 27 mm]] },
+      { ellipse: { centre: [31 mm, 39 mm], semiaxes: [2 mm, 1 mm], angle: 20 deg } },
+      { ring: { centre: [40 mm, 34 mm], radii: [1 mm, 2.5 mm] } }, { rectangle: { corners: [[8 mm, 30 mm], [12 mm, 33 mm]], angle: 10 deg, corner: 0.5 mm } },
+      { path: { from: [38 mm, 8 mm], to: [{ line: [42 mm, 8 mm] }, { arc: [[43 mm, 9 mm], [42 mm, 10 mm]] },
+        { cubic: [[41 mm, 12 mm], [39 mm, 12 mm], [38 mm, 10 mm]] }] }, without: [{ disc: { centre: [40 mm, 9 mm], radius: 0.4 mm } }] },
+      { union: [{ disc: { centre: [20 mm, 38 mm], radius: 1.5 mm } }] }, { intersect: [{ disc: { centre: [26 mm, 33 mm], radius: 1.5 mm } }] }] },
       bodies: [{ rectangle: [[10 mm, 20 mm], [16 mm, 26 mm]], load: [0.01 N, 0 N], spring: 2 N/m },
       { disc: { centre: [35 mm, 25 mm], radius: 4 mm } }, { polygon: [[20 mm, 10 mm], [30 mm, 10 mm], [25 mm, 16 mm]] }] }",
+    "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, bodies: [{ ellipse: { centre: [31 mm, 39 mm], semiaxes: [2 mm, 1 mm], angle: 20 deg } },
+      { ring: { centre: [40 mm, 34 mm], radii: [1 mm, 2.5 mm] } }, { rectangle: { corners: [[8 mm, 30 mm], [12 mm, 33 mm]], angle: 10 deg, corner: 0.5 mm } },
+      { path: { from: [38 mm, 8 mm], to: [{ line: [42 mm, 8 mm] }, { arc: [[43 mm, 9 mm], [42 mm, 10 mm]] },
+        { cubic: [[41 mm, 12 mm], [39 mm, 12 mm], [38 mm, 10 mm]] }] }, without: [{ disc: { centre: [40 mm, 9 mm], radius: 0.4 mm } }] },
+      { union: [{ disc: { centre: [20 mm, 38 mm], radius: 1.5 mm } }] }, { intersect: [{ disc: { centre: [26 mm, 33 mm], radius: 1.5 mm } }] }] }",
     "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, frame: { opening: { rectangle: [[5 mm, 5 mm], [45 mm, 40 mm]] } } }",
     "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, frame: { opening: { polygon: [[0 mm, 0 mm], [50 mm, 0 mm], [25 mm, 50 mm]] } } }",
 ];

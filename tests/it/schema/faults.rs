@@ -108,7 +108,8 @@ pub fn collect(kind: Kind, document: &Value, seen: &mut BTreeSet<String>, faults
         }
     }
     for leaf in walk::leaves(&schema, document) {
-        if leaf.schema.starts_with("/$defs/scene") || !seen.insert(leaf.schema.clone()) {
+        let of_scene = |name: &&str| leaf.schema.starts_with(&format!("/$defs/{name}"));
+        if (kind == Kind::Pipeline && walk::OF_SCENES.iter().any(of_scene)) || !seen.insert(leaf.schema.clone()) {
             continue;
         }
         let was = document.pointer(&leaf.document).unwrap();

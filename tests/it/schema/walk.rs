@@ -41,6 +41,9 @@ pub fn leaves(root: &Value, document: &Value) -> Vec<Leaf> {
     found
 }
 
+/// The definitions that the schema of scenes has too.
+pub const OF_SCENES: [&str; 2] = ["scene", "shape"];
+
 /// Pointers to all properties of a schema, those of the scene in a pipeline's left out. Keys that stages of all kinds
 /// share are told once, by the place that they refer to.
 pub fn properties(root: &Value, kind: Kind) -> BTreeSet<String> {
@@ -51,7 +54,7 @@ pub fn properties(root: &Value, kind: Kind) -> BTreeSet<String> {
             match key.as_str() {
                 "properties" | "$defs" => {
                     for (name, schema) in item.as_object().unwrap() {
-                        if (kind, key.as_str(), name.as_str()) == (Kind::Pipeline, "$defs", "scene") {
+                        if (kind, key.as_str()) == (Kind::Pipeline, "$defs") && OF_SCENES.contains(&name.as_str()) {
                             continue;
                         }
                         if key == "properties" && is_closed(node) {
