@@ -15,6 +15,7 @@ use super::progress::Bar;
 use super::{CliError, Exit, Output, csv, job, model, write};
 use deaflow_accuracy::{AccuracyError, Benchmark, Candidate, Families, Measured, Network, Reference, drawn, given};
 use deaflow_base::{Document, Quantity, with_minus};
+use deaflow_pattern::DrawingOptions;
 use deaflow_report::figures::{Cost, FamilyCosts, accuracy_sheet};
 use deaflow_sample::Canvas;
 use deaflow_scene::Scene;
@@ -34,7 +35,7 @@ const PATTERNS: &str = "Patterns";
 pub struct AccuracyArguments {
     /// The scene: a YAML file of a scene, or of a pipeline that has one
     pub scene: PathBuf,
-    /// Patterns to measure on: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset
+    /// Patterns to measure on: FILE.npy, FILE.csv, FILE.png, FILE.dxf, FILE.svg or FILE.h5:/dataset
     #[arg(long, value_name = "PATTERN", num_args = 1.., help_heading = PATTERNS)]
     #[arg(conflicts_with_all = ["families", "count", "seed"])]
     pub patterns: Vec<String>,
@@ -161,7 +162,8 @@ fn families(arguments: &AccuracyArguments, scene: &Scene, output: &Output) -> Re
         let canvas = Canvas::of(&scene.membrane());
         return drawn(&canvas, arguments.count, arguments.seed).map_err(|e| CliError::bad_input(e.to_string()));
     }
-    let direct::NamedPatterns { patterns, notes, .. } = direct::patterns(&own, scene.form())?;
+    let direct::NamedPatterns { patterns, notes, .. } =
+        direct::patterns(&own, scene.form(), &DrawingOptions::default())?;
     notes.iter().for_each(|note| output.warn(note));
     if patterns.is_empty() {
         return Err(CliError::bad_input("the files contain no patterns"));

@@ -9,9 +9,11 @@ use clap::{Args, ValueEnum};
 
 use super::progress::ProgressMode;
 use super::{CliError, project};
-use deaflow_base::{Dimension, NodeValue, Override, Quantity, Time, read_bounded};
+use deaflow_base::{Dimension, InputError, NodeValue, Override, Quantity, Time, read_bounded};
 use deaflow_fem::WorkLimit;
+use deaflow_pattern::{DrawingOptions, DrawingUnit, PatternForm};
 use deaflow_scene::Scene;
+use deaflow_stage::direct::{self, NamedPatterns};
 use deaflow_store::Store;
 
 /// The heading of options about the pipeline.
@@ -284,11 +286,49 @@ pub struct VerbosityArguments {
     pub progress: ProgressArguments,
 }
 
+/// The heading of options about drawings and pictures.
+const DRAWINGS: &str = "Drawings and pictures";
+
+#[derive(Clone, Debug, Args)]
+pub struct DrawingArguments {
+    /// The layer of the electrodes in a drawing; several are the electrode groups in their order [default: layers named
+    /// electrode or electrode_1, …; else the only layer with curves of DXF, all of SVG]
+    #[arg(long = "layer", value_name = "NAME", help_heading = DRAWINGS)]
+    layers: Vec<String>,
+    /// The unit of lengths in a drawing: um, mm, cm, m or in [default: that of the file]
+    #[arg(long, value_name = "UNIT", value_parser = drawing_unit, help_heading = DRAWINGS)]
+    unit: Option<DrawingUnit>,
+    /// The dark share from which on a cell of a picture is an electrode [default: 0.5]
+    #[arg(long, value_name = "SHARE", value_parser = number(1e-3..=1.0, "0.001 to 1"), help_heading = DRAWINGS)]
+    threshold: Option<f64>,
+}
+
+impl DrawingArguments {
+    /// Returns how drawings are read.
+    pub fn options(&self) -> DrawingOptions {
+        let usual = DrawingOptions::default();
+        DrawingOptions {
+            layers: self.layers.clone(),
+            unit_mm: self.unit.map(DrawingUnit::mm),
+            threshold: self.threshold.unwrap_or(usual.threshold),
+            ..usual
+        }
+    }
+}
+
+/// Parses a unit of drawings.
+fn drawing_unit(text: &str) -> Result<DrawingUnit, String> {
+    DrawingUnit::from_name(text).ok_or_else(|| format!("allowed: {}", DrawingUnit::WORDS.join(", ")))
+}
+
 #[derive(Debug, Args)]
 pub struct PatternArguments {
-    /// Patterns: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset (also .mat, .nc, .npz)
+    /// Patterns: FILE.npy, FILE.csv, FILE.png, drawings FILE.dxf and FILE.svg, or FILE.h5:/dataset (also .mat, .nc,
+    /// .npz)
     #[arg(value_name = "PATTERN", required = true)]
     pub patterns: Vec<String>,
+    #[command(flatten)]
+    pub drawings: DrawingArguments,
     /// The file for the results; an existing file is replaced [default: none, results are only printed]
     #[arg(short, long, value_name = "OUT.h5")]
     pub output: Option<PathBuf>,
@@ -304,6 +344,14 @@ pub fn has_hdf5_extension(path: &Path) -> bool {
 }
 
 impl PatternArguments {
+    /// Reads the patterns.
+    ///
+    /// # Errors
+    /// When one cannot be read.
+    pub fn read(&self, form: PatternForm) -> Result<NamedPatterns, InputError> {
+        direct::patterns(&self.patterns, form, &self.drawings.options())
+    }
+
     /// Returns the output file, for a command that needs one.
     ///
     /// # Errors

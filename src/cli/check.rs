@@ -1,16 +1,17 @@
 //! `deaflow check`: shows what is read from files of patterns and labels, before anything is computed.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::{Value, json};
 
+use super::arguments::DrawingArguments;
 use super::pipeline::read_scene;
 use super::text::Text;
 use super::tone::{Tone, width_of_stdout};
 use super::{CliError, Exit, Output, table};
 use deaflow_field::Field;
-use deaflow_pattern::{Bits, Pattern, form_of};
+use deaflow_pattern::{Bits, DrawingOptions, Pattern, form_of};
 use deaflow_scene::Scene;
 use deaflow_stage::direct::{self, NamedPatterns};
 
@@ -30,6 +31,8 @@ pub struct CheckArguments {
     /// The scene, which gives the cells, sides and electrode groups; without it the file gives the cells
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
+    #[command(flatten)]
+    pub drawings: DrawingArguments,
 }
 
 /// What was read from a file.
@@ -47,7 +50,8 @@ pub fn execute(arguments: &CheckArguments, output: &Output) -> Result<Exit, CliE
         .as_deref()
         .map(|path| read_scene(path, output))
         .transpose()?;
-    let files = arguments.files.iter().map(|name| read(name, scene.as_ref()));
+    let drawings = arguments.drawings.options();
+    let files = arguments.files.iter().map(|name| read(name, scene.as_ref(), &drawings));
     let files: Vec<CheckedFile> = files.collect::<Result<_, _>>()?;
     let document = || json!({ "files": files.iter().map(|file| file.document(scene.as_ref())).collect::<Vec<_>>() });
     output.result(document, || {
@@ -58,7 +62,7 @@ pub fn execute(arguments: &CheckArguments, output: &Output) -> Result<Exit, CliE
     Ok(Exit::Done)
 }
 
-fn read(name: &str, scene: Option<&Scene>) -> Result<CheckedFile, CliError> {
+fn read(name: &str, scene: Option<&Scene>, drawings: &DrawingOptions) -> Result<CheckedFile, CliError> {
     if let Some(labels) = scene
         .and_then(|scene| direct::labels(name, scene).transpose())
         .transpose()?
@@ -74,7 +78,7 @@ fn read(name: &str, scene: Option<&Scene>) -> Result<CheckedFile, CliError> {
         Some(scene) => scene.form(),
         None => form_of(name)?,
     };
-    let NamedPatterns { patterns, notes, .. } = direct::patterns(&[name.to_owned()], form)?;
+    let NamedPatterns { patterns, notes, .. } = direct::patterns(&[name.to_owned()], form, drawings)?;
     let own = format!("{name}: ");
     let notes = notes
         .iter()
@@ -120,6 +124,13 @@ impl CheckedFile {
         }
         for line in drawing(first, scene) {
             text.whole(line);
+        }
+        let file = Path::new(&self.name);
+        if ["png", "svg"]
+            .iter()
+            .any(|end| file.extension().is_some_and(|own| own.eq_ignore_ascii_case(end)))
+        {
+            text.line("the top of the picture is the upper edge of the membrane, where y is largest");
         }
         let several = if self.patterns.len() > 1 { "first pattern: " } else { "" };
         text.line(format!("{several}{}", facts(first, scene)));

@@ -21,7 +21,7 @@ use deaflow_content::{Packed, SolveFile};
 use deaflow_field::{Field, OutcomeKind, Predictor};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
-use deaflow_stage::direct;
+use deaflow_stage::direct::NamedPatterns;
 use deaflow_surrogate::{COVERAGE, Surrogate};
 
 use intervals::Intervals;
@@ -85,8 +85,7 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
     let scene = scene.map(|scene| arguments.state.of(scene)).transpose()?;
     let weights = model::weights(&arguments.model, &arguments.store_folder())?;
     let surrogate = surrogate(&weights, scene.as_ref())?;
-    let direct::NamedPatterns { patterns, names, notes } =
-        direct::patterns(&arguments.patterns.patterns, surrogate.form())?;
+    let NamedPatterns { patterns, names, notes } = arguments.patterns.read(surrogate.form())?;
     notes.iter().for_each(|note| output.warn(note));
     let calibration = calibration::find(arguments, &weights)?;
     let table = file.map(|file| attached_files(file)[0].clone());

@@ -10,7 +10,7 @@ use super::{CliError, Exit, Output, table};
 use deaflow_base::{InputError, rounded_by};
 use deaflow_fem::WorkLimit;
 use deaflow_fem::screening::{self, Row, Screening, Status, TestPattern};
-use deaflow_pattern::PatternForm;
+use deaflow_pattern::{DrawingOptions, PatternForm};
 use deaflow_report::three;
 use deaflow_scene::Scene;
 use deaflow_stage as stage;
@@ -22,7 +22,7 @@ use deaflow_stage::direct;
 pub struct ScreenArguments {
     /// The scene: a YAML file of a scene, or of a pipeline that has one
     pub scene: PathBuf,
-    /// Patterns to evaluate: FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset [default: extreme patterns]
+    /// Patterns to evaluate: FILE.npy, FILE.csv, FILE.png, FILE.dxf, FILE.svg or FILE.h5:/dataset [default: extreme patterns]
     #[arg(value_name = "PATTERN")]
     pub patterns: Vec<String>,
     /// Screen at this voltage instead of the scene's, as in "4 kV"
@@ -132,7 +132,8 @@ fn screen(scene: Scene, patterns: Option<Vec<TestPattern>>, limit: WorkLimit) ->
 
 /// Reads the patterns of each argument, and names them after it.
 fn named(arguments: &[String], form: PatternForm, output: &Output) -> Result<Vec<TestPattern>, InputError> {
-    let direct::NamedPatterns { patterns, names, notes } = direct::patterns(arguments, form)?;
+    let direct::NamedPatterns { patterns, names, notes } =
+        direct::patterns(arguments, form, &DrawingOptions::default())?;
     notes.iter().for_each(|note| output.warn(note));
     let named = names.iter().zip(patterns);
     Ok(named.map(|(name, pattern)| TestPattern::new(name, pattern)).collect())

@@ -15,7 +15,7 @@ use deaflow_serve::{Options, StartView};
 pub struct SketchArguments {
     /// The scene: a YAML file of a scene, or of a pipeline that has one
     scene: PathBuf,
-    /// The first pattern: that of FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset [default: an empty one]
+    /// The first pattern: that of FILE.npy, FILE.csv, FILE.png, FILE.dxf, FILE.svg or FILE.h5:/dataset [default: an empty one]
     #[arg(value_name = "PATTERN")]
     pattern: Option<String>,
     /// The port; 0 chooses a free one

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::part::At;
 use super::view::Stored;
 use deaflow_base::InputError;
-use deaflow_pattern::{FilePatterns, Pattern, PatternForm, read_patterns, split_array};
+use deaflow_pattern::{DrawingOptions, FilePatterns, Pattern, PatternForm, read_patterns, split_array};
 use deaflow_store::Artifact;
 
 /// Reads the patterns that an argument names: a file of patterns, or a dataset of an artifact, which may be a manifest.
@@ -13,10 +13,14 @@ use deaflow_store::Artifact;
 ///
 /// # Errors
 /// If the file cannot be read, is damaged, or has no patterns at this path.
-pub fn named_patterns(argument: &str, form: PatternForm) -> Result<FilePatterns, InputError> {
+pub fn named_patterns(
+    argument: &str,
+    form: PatternForm,
+    drawings: &DrawingOptions,
+) -> Result<FilePatterns, InputError> {
     let named = split_array(argument).map(|(file, dataset)| (Path::new(file), dataset));
     let Some((path, dataset)) = named.filter(|(path, _)| Artifact::is_at(path)) else {
-        return read_patterns(argument, form);
+        return read_patterns(argument, form, drawings);
     };
     let refused = |why: String| InputError::new(format!("{argument}: {why}"));
     let artifact = Artifact::open(path).map_err(|e| refused(e.to_string()))?;

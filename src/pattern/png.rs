@@ -25,8 +25,8 @@ const MOST_PIXELS: usize = 3200 * 3200;
 
 const MAX_BYTES: u64 = 64 << 20;
 
-/// The share of a cell that makes it an electrode.
-const HALF: f64 = 0.5;
+/// The usual share of a cell that makes it an electrode, and the brightness between dark and light.
+pub(super) const HALF: f64 = 0.5;
 
 /// What becomes of an image that does not show the cells one by one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,7 +39,7 @@ pub(super) enum Greys {
 
 fn allowed(form: PatternForm) -> String {
     let ([columns, rows], groups) = (form.raster.sides(), form.groups);
-    let of_membrane = match form.cell_ratio {
+    let of_membrane = match form.cell_ratio() {
         1.0 => String::new(),
         ratio => format!(
             " or that of the membrane, {}",
@@ -71,15 +71,26 @@ pub(super) fn sides(path: &Path) -> Result<[usize; 2], PatternFileError> {
     Ok([width as usize, height as usize])
 }
 
-pub(super) fn read(path: &Path, form: PatternForm, greys: Greys) -> Result<FilePatterns, PatternFileError> {
+/// Reads the pattern of an image. In one that is read by coverage, a cell is an electrode from this dark share on.
+pub(super) fn read(
+    path: &Path,
+    form: PatternForm,
+    greys: Greys,
+    threshold: f64,
+) -> Result<FilePatterns, PatternFileError> {
     let image = Image::decode(&bytes(path, MAX_BYTES)?, form)?;
     let mut notes = Vec::new();
     if image.is_transparency {
         notes.push("shape taken from the transparency: opaque = electrode".to_owned());
     }
-    let pattern = match image.exact(form) {
-        Err(_) if form.groups == 1 && greys == Greys::Covered && image.has_ratio_of(form) => {
-            let (pattern, dark) = image.covered(form.raster);
+    let is_covered = form.groups == 1 && greys == Greys::Covered && image.has_ratio_of(form);
+    let exact = match threshold == HALF || !is_covered {
+        true => Some(image.exact(form)),
+        false => None,
+    };
+    let pattern = match exact {
+        None | Some(Err(_)) if is_covered => {
+            let (pattern, dark) = image.covered(form.raster, threshold);
             let percent = |share: f64| format!("{:.1} %", 100.0 * share);
             let [darkest, lightest] = image.extremes();
             let levels = match (darkest, lightest) {
@@ -90,9 +101,14 @@ pub(super) fn read(path: &Path, form: PatternForm, greys: Greys) -> Result<FileP
                     percent(lightest)
                 ),
             };
+            let least = if threshold == HALF {
+                "half".to_owned()
+            } else {
+                percent(threshold)
+            };
             notes.push(format!(
-                "{} × {} pixels read by coverage: electrode where at least half of a cell is dark{levels}; area of the \
-                 picture {}, of the cells {}",
+                "{} × {} pixels read by coverage: electrode where at least {least} of a cell is dark{levels}; area of \
+                 the picture {}, of the cells {}",
                 image.sides[0],
                 image.sides[1],
                 percent(dark),
@@ -100,7 +116,9 @@ pub(super) fn read(path: &Path, form: PatternForm, greys: Greys) -> Result<FileP
             ));
             pattern
         }
-        exact => exact.map_err(|refusal| refusal.help(allowed(form)))?,
+        exact => exact
+            .unwrap_or_else(|| image.exact(form))
+            .map_err(|refusal| refusal.help(allowed(form)))?,
     };
     let mut read = FilePatterns::new(vec![pattern]);
     read.notes.extend(notes);
@@ -157,7 +175,7 @@ impl Image {
             let least = if pixels == 1 { 0.0 } else { pixels as f64 - 0.5 };
             [least / side, (pixels as f64 + 0.5) / side]
         };
-        let ([low, high], [least, most]) = (rounded(across, 1.0), rounded(up, form.cell_ratio));
+        let ([low, high], [least, most]) = (rounded(across, 1.0), rounded(up, form.cell_ratio()));
         let is_whole = [across * columns, up * rows] == self.sides && across > 0 && up > 0;
         let has_ratio = across == up || low.max(least) < high.min(most);
         (is_whole && has_ratio).then_some([across, up])
@@ -171,7 +189,7 @@ impl Image {
             let (columns, rows) = (columns as f64, rows as f64 * cell);
             (width as f64 * rows - height as f64 * columns).abs() <= columns.max(rows)
         };
-        has_ratio(1.0) || has_ratio(form.cell_ratio) || self.block(form).is_some()
+        has_ratio(1.0) || has_ratio(form.cell_ratio()) || self.block(form).is_some()
     }
 
     /// Returns the brightness of what is dark and of what is light: the extremes, if they are on both sides of the
@@ -187,8 +205,8 @@ impl Image {
         }
     }
 
-    /// Returns the pattern of the cells that are at least half dark, and the dark share of the image.
-    fn covered(&self, raster: Raster) -> (Pattern, f64) {
+    /// Returns the pattern of the cells that are dark from a share on, and the dark share of the image.
+    fn covered(&self, raster: Raster, threshold: f64) -> (Pattern, f64) {
         let ([columns, rows], [width, height]) = (raster.sides(), self.sides);
         let [darkest, lightest] = self.extremes();
         let dark = |x: usize, y: usize| match self.pixels[y * width + x] {
@@ -203,7 +221,7 @@ impl Image {
         let shares: Vec<f64> = (0..raster.cells())
             .map(|at| share(at % columns, at / columns))
             .collect();
-        let pattern = Pattern::from_fn(raster, |x, y| shares[y * columns + x] >= HALF);
+        let pattern = Pattern::from_fn(raster, |x, y| shares[y * columns + x] >= threshold);
         (pattern, shares.iter().sum::<f64>() / shares.len() as f64)
     }
 }

@@ -24,15 +24,15 @@ pub struct Pattern {
     cells: Box<[u8]>,
 }
 
-/// The raster and the number of electrode groups of the patterns of a device.
+/// The raster, the number of electrode groups and the size of the patterns of a device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PatternForm {
     /// The raster.
     pub raster: Raster,
     /// The number of electrode groups.
     pub groups: usize,
-    /// The height of a cell over its width; 1 if it is not known.
-    pub cell_ratio: f64,
+    /// The sides of the membrane along x and y in mm, where they are known.
+    pub size_mm: Option<[f64; 2]>,
 }
 
 impl PatternForm {
@@ -51,19 +51,34 @@ impl PatternForm {
         Self {
             raster,
             groups,
-            cell_ratio: 1.0,
+            size_mm: None,
         }
     }
 
     /// Returns the form of patterns on a membrane.
     #[must_use]
     pub fn on(membrane: &Membrane, groups: usize) -> Self {
-        let [width, height] = membrane.cell_mm();
         Self {
             raster: membrane.raster,
             groups,
-            cell_ratio: height / width,
+            size_mm: Some(membrane.size_mm),
         }
+    }
+
+    /// Returns the membrane, where its size is known.
+    #[must_use]
+    pub fn membrane(&self) -> Option<Membrane> {
+        let raster = self.raster;
+        self.size_mm.map(|size_mm| Membrane { raster, size_mm })
+    }
+
+    /// Returns the height of a cell over its width; 1 if it is not known.
+    #[must_use]
+    pub fn cell_ratio(&self) -> f64 {
+        self.membrane().map_or(1.0, |membrane| {
+            let [width, height] = membrane.cell_mm();
+            height / width
+        })
     }
 }
 

@@ -8,6 +8,8 @@
 use std::fs;
 use std::path::Path;
 
+use super::drawing::{DrawingFormat, DrawingOptions};
+use super::drawn;
 use super::file::{FilePatterns, PatternFileError};
 use super::png::Greys;
 use super::raster::{Pattern, PatternForm, Raster};
@@ -15,8 +17,8 @@ use super::{array, csv, png};
 use deaflow_array::{Format, extension, split};
 use deaflow_base::InputError;
 
-const FORMS: &str = "allowed: FILE.npy, FILE.csv (also .txt, .dat, .tsv), FILE.png, FILE.h5:/dataset (also .hdf5, .nc, \
-                     .mat, .npz)";
+const FORMS: &str = "allowed: FILE.npy, FILE.csv (also .txt, .dat, .tsv), FILE.png, FILE.dxf, FILE.svg, FILE.h5:/dataset \
+                     (also .hdf5, .nc, .mat, .npz)";
 
 /// What a file of patterns is, by its extension.
 #[derive(Clone, Copy)]
@@ -24,6 +26,7 @@ enum FileKind {
     Array(Format),
     Table,
     Picture,
+    Drawing(DrawingFormat),
 }
 
 impl FileKind {
@@ -35,12 +38,14 @@ impl FileKind {
         // Of `FILE.npy:/x` it is that of the file.
         let names_dataset = path.extension().is_none_or(|own| !own.eq_ignore_ascii_case(&end));
         match end.as_str() {
-            "npy" | "csv" | "txt" | "dat" | "tsv" | "asc" | "png" if names_dataset => {
+            "npy" | "csv" | "txt" | "dat" | "tsv" | "asc" | "png" | "dxf" | "svg" if names_dataset => {
                 Err(PatternFileError::new(format!("`.{end}` files have no named datasets"))
                     .help("name the file alone, without `:/…`"))
             }
             "csv" | "txt" | "dat" | "tsv" | "asc" => Ok(Self::Table),
             "png" => Ok(Self::Picture),
+            "dxf" => Ok(Self::Drawing(DrawingFormat::Dxf)),
+            "svg" => Ok(Self::Drawing(DrawingFormat::Svg)),
             "" => Err(PatternFileError::new("the file name has no extension").help(FORMS)),
             other => Err(PatternFileError::new(format!("cannot read `.{other}` files")).help(FORMS)),
         }
@@ -60,15 +65,17 @@ pub fn has_patterns(path: &Path) -> bool {
 ///   `numpy.savetxt` writes the array.
 /// - `FILE.png`: dark = electrode; the top of the image is the upper edge (largest y). A pixel, or a block of pixels,
 ///   per cell; an image of another size, or with greys, by the share of each cell that is dark.
+/// - `FILE.dxf`, `FILE.svg`: cells whose centre lies in the closed curves of a layer, in DXF, or in filled areas, in
+///   SVG.
 /// - `FILE.h5:/dataset` (also `.hdf5`, `.nc`, `.mat`, `.npz`): as `.npy`. Another process reads HDF5. Without a name,
 ///   the only array with the shape of patterns.
 ///
 /// # Errors
 /// When the file cannot be read, has another shape, contains no pattern, or has a value that is neither 0 nor an
 /// electrode group.
-pub fn read_patterns(spec: &str, form: PatternForm) -> Result<FilePatterns, InputError> {
+pub fn read_patterns(spec: &str, form: PatternForm, drawings: &DrawingOptions) -> Result<FilePatterns, InputError> {
     let (path, dataset) = parts(spec);
-    let found = read_patterns_of(path, dataset, form);
+    let found = read_patterns_of(path, dataset, form, drawings);
     found.map_err(|refusal| InputError::new(format!("{spec}: {refusal}")).help(refusal.advice(form)))
 }
 
@@ -88,17 +95,29 @@ pub fn read_patterns_of(
     path: &Path,
     dataset: Option<&str>,
     form: PatternForm,
+    drawings: &DrawingOptions,
 ) -> Result<FilePatterns, PatternFileError> {
-    read(path, dataset, form, Greys::Covered)
-}
-
-fn read(path: &Path, dataset: Option<&str>, form: PatternForm, greys: Greys) -> Result<FilePatterns, PatternFileError> {
     let kind = FileKind::of(path)?;
     check_file(path)?;
     match kind {
+        FileKind::Drawing(format) => drawn::read(path, format, form, drawings),
+        _ => read(path, kind, dataset, form, Greys::Covered, drawings.threshold),
+    }
+}
+
+fn read(
+    path: &Path,
+    kind: FileKind,
+    dataset: Option<&str>,
+    form: PatternForm,
+    greys: Greys,
+    threshold: f64,
+) -> Result<FilePatterns, PatternFileError> {
+    match kind {
+        FileKind::Drawing(_) => Err(drawn::no_cells()),
         FileKind::Array(format) => array::read(path, format, dataset, form),
         FileKind::Table => csv::read(path, form),
-        FileKind::Picture => png::read(path, form, greys),
+        FileKind::Picture => png::read(path, form, greys, threshold),
     }
 }
 
@@ -124,7 +143,7 @@ pub fn form_of(spec: &str) -> Result<PatternForm, InputError> {
         refused(refusal.help(help))
     })?;
     Ok(match kind {
-        FileKind::Picture => PatternForm::bare_or_electrode(raster),
+        FileKind::Picture | FileKind::Drawing(_) => PatternForm::bare_or_electrode(raster),
         FileKind::Array(_) | FileKind::Table => PatternForm::of_square_cells(raster, Pattern::MOST_GROUPS),
     })
 }
@@ -137,6 +156,7 @@ fn sides_of(path: &Path, dataset: Option<&str>) -> Result<(FileKind, [usize; 2])
         FileKind::Array(format) => array::sides(path, format, dataset)?,
         FileKind::Table => csv::sides(path)?,
         FileKind::Picture => png::sides(path)?,
+        FileKind::Drawing(_) => return Err(drawn::no_cells()),
     };
     Ok((kind, sides))
 }
@@ -154,8 +174,16 @@ fn raster_of([columns, rows]: [usize; 2]) -> Result<Raster, PatternFileError> {
 /// # Errors
 /// When the file cannot be read, contains several patterns, or has a value other than 0 and 1.
 pub fn read_mask(path: &Path) -> Result<Pattern, PatternFileError> {
-    let raster = raster_of(sides_of(path, None)?.1)?;
-    let found = read(path, None, PatternForm::bare_or_electrode(raster), Greys::Refused)?;
+    let (kind, sides) = sides_of(path, None)?;
+    let raster = raster_of(sides)?;
+    let found = read(
+        path,
+        kind,
+        None,
+        PatternForm::bare_or_electrode(raster),
+        Greys::Refused,
+        png::HALF,
+    )?;
     match <[Pattern; 1]>::try_from(found.patterns) {
         Ok([one]) => Ok(one),
         Err(several) => {

@@ -1,7 +1,7 @@
 //! Regions of a membrane in mm, and the cells in them.
 
 use super::bits::Bits;
-use super::contour::{Contour, Contours, FillRule, RESOLUTION, cells_of_polygons};
+use super::contour::{Contour, Contours, FillRule, RESOLUTION, area, area_within, cells_of_polygons};
 use super::membrane::Membrane;
 use super::raster::Raster;
 
@@ -161,6 +161,70 @@ impl Region {
             Self::Contours(contours) => Some(contours.clone()),
             Self::Cells(_) | Self::Union(_) | Self::Intersection(_) | Self::Without(..) => None,
         }
+    }
+
+    /// Returns the area in mm²: exact if no contours cross, else to 1e-6 mm along them; `None` for cells.
+    #[must_use]
+    pub fn area_mm2(&self) -> Option<f64> {
+        let sets = self.sets()?;
+        Some(area(&sets, &|windings: &[i32]| self.fills(&mut windings.iter())))
+    }
+
+    /// Returns the area within the rectangle from (0, 0) to a size in mm, to 1e-6 mm along the contours.
+    #[must_use]
+    pub fn area_within_mm2(&self, size: [f64; 2]) -> Option<f64> {
+        let sets = self.sets()?;
+        Some(area_within(
+            &sets,
+            &|windings: &[i32]| self.fills(&mut windings.iter()),
+            size,
+        ))
+    }
+
+    /// Returns the contours of each shape that is combined in the region; `None` for cells.
+    fn sets(&self) -> Option<Vec<Vec<Contour>>> {
+        let all = |regions: &[Self]| -> Option<Vec<Vec<Contour>>> {
+            let sets: Option<Vec<_>> = regions.iter().map(Self::sets).collect();
+            Some(sets?.into_iter().flatten().collect())
+        };
+        match self {
+            Self::Union(regions) | Self::Intersection(regions) => all(regions),
+            Self::Without(region, others) => Some([region.sets()?, all(others)?].concat()),
+            _ => Some(vec![self.contours()?.contours]),
+        }
+    }
+
+    /// Returns whether a point is in the region, by how often the contours of each shape run around it.
+    fn fills(&self, windings: &mut std::slice::Iter<'_, i32>) -> bool {
+        // Each shape takes its number, also where the result is known before.
+        let mut all = |regions: &[Self]| -> Vec<bool> { regions.iter().map(|region| region.fills(windings)).collect() };
+        match self {
+            Self::Union(regions) => all(regions).contains(&true),
+            Self::Intersection(regions) => !all(regions).contains(&false),
+            Self::Without(region, others) => {
+                let is_whole = all(std::slice::from_ref(region))[0];
+                !all(others).contains(&true) && is_whole
+            }
+            Self::Contours(contours) => windings.next().is_some_and(|winding| contours.rule.fills(*winding)),
+            _ => windings.next().is_some_and(|winding| FillRule::EvenOdd.fills(*winding)),
+        }
+    }
+
+    /// Returns the contours of all shapes in the region; none for cells.
+    pub(super) fn all_contours(&self) -> Vec<Contour> {
+        self.sets().unwrap_or_default().into_iter().flatten().collect()
+    }
+
+    /// Returns the smallest rectangle around what is drawn: its lower left and upper right corner. None for cells and
+    /// for nothing.
+    #[must_use]
+    pub fn bounds(&self) -> Option<[[f64; 2]; 2]> {
+        let corners = self.all_contours().into_iter().flat_map(|contour| contour.corners());
+        let empty = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+        let [low, high] = corners.fold(empty, |[low, high], [x, y]| {
+            [[low[0].min(x), low[1].min(y)], [high[0].max(x), high[1].max(y)]]
+        });
+        (low[0] <= high[0]).then_some([low, high])
     }
 
     /// Returns the raster of a mask in the region that is not this one.
@@ -333,6 +397,18 @@ mod tests {
         let others = vec![disc(3.0, 2.0), Region::Cells(cells.clone())];
         let without = Region::Without(Box::new(all), others);
         assert_eq!(drawn(&without), ["##..#.", "#.....", "#.....", "##..#."].map(|row| row));
+        assert_eq!(without.area_mm2(), None);
+        // Half of a disc, with a notch of a disc that touches nothing else.
+        let half = Region::Intersection(vec![disc(3.0, 2.0), Region::Rectangle([[0.0, 0.0], [3.0, 4.0]])]);
+        let notched = Region::Without(Box::new(half.clone()), vec![disc(2.0, 0.5)]);
+        let pi = std::f64::consts::PI;
+        assert!((half.area_mm2().unwrap() - 2.0 * pi).abs() < 1e-5);
+        assert!((notched.area_mm2().unwrap() - 1.75 * pi).abs() < 1e-5);
+        let both = Region::Union(vec![disc(1.0, 1.0), disc(5.0, 1.0)]);
+        assert!((both.area_mm2().unwrap() - 2.0 * pi).abs() < 1e-14);
+        assert!((both.area_within_mm2([5.0, 2.0]).unwrap() - 0.75 * pi).abs() < 1e-5);
+        let [low, _] = both.bounds().unwrap();
+        assert!(low[0].abs() < 1e-5 && (low[1] - 1.0).abs() < 1e-5);
         let nested = Region::Without(Box::new(without), vec![Region::Rectangle([[0.0, 0.0], [1.0, 4.0]])]);
         assert_eq!(drawn(&nested), [".#..#.", "......", "......", ".#..#."]);
         let other = Raster::new(7, 4).unwrap();

@@ -30,6 +30,6 @@ pub use leads::{Edge, Leads, Unreached};
 pub use mask::{Islands, Mask, Point, Size};
 pub use model::{ElasticModel, Material, Scene, VACUUM_PERMITTIVITY};
 pub use outline::Outline;
-pub use shape::{Cells, Circle, Position, Shape, scene_files};
+pub use shape::{Cells, Circle, Position, Shape, Shapes, scene_files};
 pub use source::Source;
 pub use waveform::{Knot, Ramp, Side, Sine, Step, Table, Waveform};

@@ -64,6 +64,16 @@ impl Outline {
         Ok(parts.map(|parts| parts.free_cells()))
     }
 
+    /// Reads the form of patterns on the device, with the actual sides, from the mapping of a scene.
+    ///
+    /// # Errors
+    /// When the geometry is invalid.
+    pub fn actual_form(scene: &Node) -> Result<PatternForm, InputError> {
+        let groups = Self::read(scene)?.groups;
+        let node = scene.fields(WHAT, &SECTIONS)?.required(WHAT, "geometry")?;
+        Ok(PatternForm::on(&Geometry::read_with(node, &[])?.membrane(), groups))
+    }
+
     /// Returns the form of patterns on the device.
     #[must_use]
     pub fn form(&self) -> PatternForm {

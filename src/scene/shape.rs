@@ -271,7 +271,9 @@ impl Parameter for Shapes {
 }
 
 impl Shapes {
-    fn regions(&self) -> Vec<Region> {
+    /// Returns the covered region of each.
+    #[must_use]
+    pub fn regions(&self) -> Vec<Region> {
         self.0.iter().map(Shape::region).collect()
     }
 }

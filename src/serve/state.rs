@@ -12,7 +12,7 @@ use super::http::ApiError;
 use super::jobs::Runner;
 use deaflow_base::{ArtifactId, InputError};
 use deaflow_orchestrator::{Pipeline, file_of};
-use deaflow_pattern::Pattern;
+use deaflow_pattern::{DrawingOptions, Pattern};
 use deaflow_scene::Scene;
 use deaflow_stage as stage;
 use deaflow_stage::direct;
@@ -105,7 +105,12 @@ impl ServerState {
         }
         let first_pattern = match (&options.pattern, &own_scene) {
             (Some(pattern), Some(own)) => {
-                let found = direct::patterns(std::slice::from_ref(pattern), own.scene.form())?.patterns;
+                let found = direct::patterns(
+                    std::slice::from_ref(pattern),
+                    own.scene.form(),
+                    &DrawingOptions::default(),
+                )?
+                .patterns;
                 let columns = own.scene.form().raster.columns();
                 let rows = found
                     .first()

@@ -6,7 +6,7 @@ use super::direct;
 use deaflow_base::InputError;
 use deaflow_content::{ArtifactKind, DesignRows, StoredAttribute, Verification, VerificationView};
 use deaflow_design::{DesignFilter, DesignLabel, SimulatedScore};
-use deaflow_pattern::Pattern;
+use deaflow_pattern::{DrawingOptions, Pattern};
 use deaflow_scene::Scene;
 use deaflow_store::{Artifact, StoreError};
 
@@ -120,8 +120,8 @@ fn scores(view: &VerificationView<'_>) -> Result<Vec<Option<SimulatedScore>>, St
 ///
 /// # Errors
 /// If the file cannot be read, or has several patterns.
-pub fn of_file(file: &str, scene: Scene) -> Result<Design, InputError> {
-    let direct::NamedPatterns { patterns, notes, .. } = direct::patterns(&[file.to_owned()], scene.form())?;
+pub fn of_file(file: &str, scene: Scene, drawings: &DrawingOptions) -> Result<Design, InputError> {
+    let direct::NamedPatterns { patterns, notes, .. } = direct::patterns(&[file.to_owned()], scene.form(), drawings)?;
     let [pattern] = patterns.as_slice() else {
         let message = format!(
             "{file} contains {} patterns; only one can be exported at a time",

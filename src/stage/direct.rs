@@ -7,7 +7,7 @@ use deaflow_base::{Document, InputError, Override};
 use deaflow_content::named_patterns;
 use deaflow_dataset::import::{ImportError, ImportFile, Rows};
 use deaflow_orchestrator::splice_scene;
-use deaflow_pattern::{Pattern, PatternForm};
+use deaflow_pattern::{DrawingOptions, Pattern, PatternForm};
 use deaflow_scene::{Scene, scene_files};
 
 /// Why a direct simulation or prediction failed.
@@ -37,10 +37,14 @@ pub struct NamedPatterns {
 ///
 /// # Errors
 /// If one cannot be read.
-pub fn patterns(arguments: &[String], form: PatternForm) -> Result<NamedPatterns, InputError> {
+pub fn patterns(
+    arguments: &[String],
+    form: PatternForm,
+    drawings: &DrawingOptions,
+) -> Result<NamedPatterns, InputError> {
     let mut all = NamedPatterns::default();
     for argument in arguments {
-        let found = named_patterns(argument, form)?;
+        let found = named_patterns(argument, form, drawings)?;
         match found.patterns.len() {
             1 => all.names.push(argument.clone()),
             n => all.names.extend((0..n).map(|k| format!("{argument}[{k}]"))),

@@ -1,17 +1,20 @@
-//! `kind: patterns` reads electrode patterns from files.
+//! `kind: patterns` reads electrode patterns from files, or draws one of shapes.
 //!
 //! The key depends on the cells: the same patterns under another name or in another format give the same artifact. The
 //! files are read once, so that the result is as planned even if a file changes in the meantime.
 
+mod shapes;
+
 use super::files::{self, FileName, NamedFile};
 use super::results;
 use super::sample::{CHUNK, room};
-use deaflow_base::{Canonical, Declared, DigestWriter, Fields, InputError, Node, parameters};
+use deaflow_base::{Canonical, Declared, DigestWriter, Fields, InputError, Map, Node, parameters, words};
 use deaflow_content::{FROM_FILE, SampleRows, Samples};
 use deaflow_orchestrator::{Chunk, Input, Job, Kind, Plan, Stage, StageError};
-use deaflow_pattern::{Bits, Pattern, PatternForm, read_patterns_of};
-use deaflow_scene::Outline;
+use deaflow_pattern::{Bits, DrawingOptions, Pattern, PatternForm, read_patterns_of};
+use deaflow_scene::{Outline, scene_files};
 use deaflow_store::{Artifact, Object};
+use shapes::Drawn;
 
 /// The name of the kind.
 pub const NAME: &str = "patterns";
@@ -36,7 +39,8 @@ impl Kind for PatternsKind {
     }
 
     fn files(&self, stage: &Node) -> Vec<String> {
-        files::named(stage)
+        let drawings = stage.peek("shapes").map(shapes::files);
+        [files::named(stage), drawings.unwrap_or_default(), scene_files(stage)].concat()
     }
 
     fn schema(&self) -> Vec<Fields> {
@@ -45,13 +49,18 @@ impl Kind for PatternsKind {
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let form = scene
-            .map(Outline::read)
+            .map(Outline::actual_form)
             .transpose()?
-            .map_or(PatternForm::PAPER, |outline| outline.form());
-        PatternsParameters::read_with(stage, &["kind"])?;
+            .unwrap_or(PatternForm::PAPER);
+        let parameters = PatternsParameters::read_with(stage, &["kind"])?;
         let (mut patterns, mut notes) = (Vec::new(), Vec::new());
+        if let (Some(drawn), Some(node)) = (&parameters.shapes, stage.peek("shapes")) {
+            let (pattern, told) = shapes::pattern(drawn, node, form)?;
+            patterns.push(pattern);
+            notes.extend(told);
+        }
         for file in NamedFile::of_stage(stage)? {
-            let read = read_patterns_of(&file.path, file.dataset, form);
+            let read = read_patterns_of(&file.path, file.dataset, form, &DrawingOptions::default());
             let read = read.map_err(|refusal| file.refused(&refusal, &refusal.advice(form)))?;
             patterns.extend(read.patterns);
             notes.extend(read.notes.iter().map(|note| format!("{}: {note}", file.name)));
@@ -71,12 +80,30 @@ impl Kind for PatternsKind {
 }
 
 parameters! {
-    /// Reads electrode patterns from files.
+    /// Reads electrode patterns from files, or draws one of shapes.
     struct PatternsParameters as "a patterns stage" {
-        /// FILE.npy, FILE.csv, FILE.png or FILE.h5:/dataset (also .mat, .nc, .npz), relative to the pipeline's file;
-        /// their patterns are concatenated.
-        files: Vec<FileName> [((), 1..=1000)],
+        /// FILE.npy, FILE.csv, FILE.png, FILE.dxf, FILE.svg or FILE.h5:/dataset (also .mat, .nc, .npz), relative to the
+        /// pipeline's file; their patterns are concatenated.
+        files: Option<Vec<FileName>> [((), 1..=1000)],
+        /// The shapes and drawings of one pattern, whose groups may not overlap.
+        shapes: Option<Vec<Drawn>> [((), 1..=1000)],
+        /// How shapes become cells: by the centres of the cells.
+        edges: Edges = Edges::Cells,
     }
+    rules(shapes::files_or_shapes)
+    check(check_source)
+}
+
+words! {
+    /// How the edges of shapes are followed.
+    pub enum Edges {
+        /// A cell has an electrode if its centre is in a shape.
+        Cells = "cells",
+    }
+}
+
+fn check_source(_: &PatternsParameters, map: &Map<'_>) -> Result<(), InputError> {
+    shapes::check_source(map)
 }
 
 struct PatternsStage {

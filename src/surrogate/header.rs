@@ -105,12 +105,12 @@ impl Header {
         Raster::new(columns, rows)
     }
 
-    /// Returns the form of its patterns; the scene knows the ratio of the cells.
+    /// Returns the form of its patterns; the scene knows the size of the membrane.
     pub(crate) fn form(&self) -> Option<PatternForm> {
         let scene = self.scene.as_deref().and_then(|text| Scene::from_text(text).ok());
-        let cell_ratio = scene.map_or(1.0, |scene| scene.form().cell_ratio);
+        let size_mm = scene.and_then(|scene| scene.form().size_mm);
         let form = PatternForm::of_square_cells(self.raster()?, self.loads().len());
-        Some(PatternForm { cell_ratio, ..form })
+        Some(PatternForm { size_mm, ..form })
     }
 
     /// Returns the load of each electrode group relative to the largest.

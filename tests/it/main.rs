@@ -16,6 +16,7 @@ mod dataset;
 mod design;
 mod devices;
 mod docs;
+mod drawings;
 mod evaluate;
 mod export;
 mod figure;

@@ -10,7 +10,9 @@ use serde_json::{Value, json};
 
 use super::format_of;
 use super::membrane;
-use crate::arguments::{StateArguments, StoreArguments, TOLERANCE, has_hdf5_extension, integer, number};
+use crate::arguments::{
+    DrawingArguments, StateArguments, StoreArguments, TOLERANCE, has_hdf5_extension, integer, number,
+};
 use crate::job::extend;
 use crate::pipeline::read_scene;
 use crate::{CliError, Exit, Output, locate, write};
@@ -79,6 +81,8 @@ pub struct ExportDesignArguments {
     /// The scene of a pattern: a YAML file of a scene, or of a pipeline that has one
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
+    #[command(flatten)]
+    pub drawings: DrawingArguments,
     /// The size of a mask: on the frame, or before the membrane is stretched [default: prestretched]
     #[arg(long, value_enum, help_heading = MASK)]
     pub size: Option<DesignSize>,
@@ -238,7 +242,11 @@ fn check_options(arguments: &ExportDesignArguments, format: DesignFormat) -> Res
 fn design(arguments: &ExportDesignArguments, output: &Output) -> Result<Design, CliError> {
     let source = arguments.source.as_str();
     if let Some(scene) = &arguments.scene {
-        return Ok(designs::of_file(source, read_scene(scene, output)?)?);
+        return Ok(designs::of_file(
+            source,
+            read_scene(scene, output)?,
+            &arguments.drawings.options(),
+        )?);
     }
     let path = Path::new(source);
     let is_hdf5 = has_hdf5_extension(path);

@@ -12,7 +12,7 @@ use deaflow_base::Progress;
 use deaflow_fem::check_leads;
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
-use deaflow_stage::direct::{self, ReadScene};
+use deaflow_stage::direct::{NamedPatterns, ReadScene};
 
 /// What a form of `solve` needs before it computes.
 pub struct Form {
@@ -70,8 +70,7 @@ impl<'a> Simulation<'a> {
                     .help("choose a state: --state NAME"),
             );
         }
-        let direct::NamedPatterns { patterns, names, notes } =
-            direct::patterns(&arguments.patterns.patterns, scene.form())?;
+        let NamedPatterns { patterns, names, notes } = arguments.patterns.read(scene.form())?;
         let notes = bare_numbers.into_iter().chain(notes).collect();
         check_leads(scene.leads.as_ref(), &patterns)?;
         decisions::decide(&scene)?;

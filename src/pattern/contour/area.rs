@@ -5,7 +5,8 @@
 //! exact area of each contour counts by what is filled on both its sides.
 
 use super::Point;
-use super::fill::{Contours, Edge, winding};
+use super::edge::{Edge, winding};
+use super::piece::Contour;
 
 /// By how much in mm sides may cross where contours touch: the lines that replace them are as far off.
 const TOUCHING_MM: f64 = 1e-9;
@@ -17,41 +18,51 @@ const MOST_HALVINGS: u32 = 24;
 /// strips is at least 1e-9 mm.
 const MOST_WORK: usize = 30_000_000;
 
-/// Returns the area that is filled by any of these.
-#[must_use]
-pub fn area_of(filled: &[Contours]) -> f64 {
-    let polygons: Vec<Vec<Vec<Point>>> = filled.iter().map(Contours::polygons).collect();
-    let mut strips = Strips {
-        filled,
-        work: 0,
-        crossed: false,
-    };
-    let by_strips = strips.area(&polygons);
-    match strips.crossed {
-        true => by_strips,
-        false => by_contours(filled, &polygons).unwrap_or(by_strips),
+/// Whether a point is filled, by how often each of several contours runs around it.
+pub(crate) type IsFilled<'a> = &'a dyn Fn(&[i32]) -> bool;
+
+/// Returns the filled area.
+pub(crate) fn area(sets: &[Vec<Contour>], is_filled: IsFilled<'_>) -> f64 {
+    let polygons = polygons(sets);
+    let mut strips = Strips::new(is_filled);
+    let by_strips = strips.area(&polygons, [f64::NEG_INFINITY; 2], [f64::INFINITY; 2]);
+    if strips.crossed {
+        return by_strips;
     }
+    // Contours that cross on a common side cross in no strip, but then their areas do not add up.
+    let contours = sets.iter().flatten().zip(polygons.iter().flatten());
+    let rounding: f64 = contours
+        .map(|(contour, corners)| {
+            let own = contour.area();
+            (own - polygon_area(corners)).abs() + 1e-9 * own.abs()
+        })
+        .sum();
+    let is_close = |exact: &f64| (exact - by_strips).abs() <= rounding;
+    by_contours(sets, &polygons, is_filled)
+        .filter(is_close)
+        .unwrap_or(by_strips)
 }
 
-/// Returns the area within the rectangle from (0, 0) to its size.
-#[must_use]
-pub fn area_within(filled: &[Contours], size: [f64; 2]) -> f64 {
-    let polygons: Vec<Vec<Vec<Point>>> = filled.iter().map(Contours::polygons).collect();
-    let mut strips = Strips {
-        filled,
-        work: 0,
-        crossed: false,
-    };
-    strips.within(&polygons, size)
+/// Returns the area of a polygon, negative if it runs clockwise.
+fn polygon_area(corners: &[Point]) -> f64 {
+    // Relative to a corner, so that a polygon far from the origin loses no digits.
+    let [x, y] = corners.first().copied().unwrap_or_default();
+    let doubled = |edge: Edge| (edge.from[0] - x) * (edge.to[1] - y) - (edge.from[1] - y) * (edge.to[0] - x);
+    Edge::around(corners).map(doubled).sum::<f64>() / 2.0
 }
 
-fn is_filled(filled: &[Contours], windings: &[i32]) -> bool {
-    let mut each = filled.iter().zip(windings);
-    each.any(|(contours, winding)| contours.rule.fills(*winding))
+/// Returns the filled area within the rectangle from (0, 0) to its size.
+pub(crate) fn area_within(sets: &[Vec<Contour>], is_filled: IsFilled<'_>, size: [f64; 2]) -> f64 {
+    Strips::new(is_filled).area(&polygons(sets), [0.0; 2], size)
+}
+
+fn polygons(sets: &[Vec<Contour>]) -> Vec<Vec<Vec<Point>>> {
+    let corners = |set: &Vec<Contour>| set.iter().map(Contour::corners).collect();
+    sets.iter().map(corners).collect()
 }
 
 /// Returns the area of contours that do not cross; `None` where one lies on another.
-fn by_contours(filled: &[Contours], polygons: &[Vec<Vec<Point>>]) -> Option<f64> {
+fn by_contours(sets: &[Vec<Contour>], polygons: &[Vec<Vec<Point>>], is_filled: IsFilled<'_>) -> Option<f64> {
     let all = || {
         polygons
             .iter()
@@ -68,11 +79,11 @@ fn by_contours(filled: &[Contours], polygons: &[Vec<Vec<Point>>]) -> Option<f64>
         .collect();
     let mut area = 0.0;
     for (set, at) in all() {
-        let own = filled[set].contours[at].area();
+        let own = sets[set][at].area();
         let Some(point) = middle_of_longest(&polygons[set][at]) else {
             continue;
         };
-        let mut outside = vec![0; filled.len()];
+        let mut outside = vec![0; sets.len()];
         for (other_set, other) in all().filter(|other| *other != (set, at)) {
             let [low, high] = boxes[other_set][other];
             if (0..2).all(|axis| (low[axis]..=high[axis]).contains(&point[axis])) {
@@ -81,7 +92,7 @@ fn by_contours(filled: &[Contours], polygons: &[Vec<Vec<Point>>]) -> Option<f64>
         }
         let mut inside = outside.clone();
         inside[set] += if own > 0.0 { 1 } else { -1 };
-        let share = |windings: &[i32]| f64::from(u8::from(is_filled(filled, windings)));
+        let share = |windings: &[i32]| f64::from(u8::from(is_filled(windings)));
         area += own.abs() * (share(&inside) - share(&outside));
     }
     Some(area)
@@ -99,14 +110,15 @@ fn bounds(points: &[Point]) -> [Point; 2] {
 }
 
 fn middle_of_longest(corners: &[Point]) -> Option<Point> {
-    let length = |edge: &Edge| (edge.to[0] - edge.from[0]).hypot(edge.to[1] - edge.from[1]);
-    let longest = Edge::around(corners).max_by(|one, other| length(one).total_cmp(&length(other)))?;
+    let longest = Edge::around(corners).max_by(|one, other| one.length().total_cmp(&other.length()))?;
     Some([0, 1].map(|axis| f64::midpoint(longest.from[axis], longest.to[axis])))
 }
 
 /// Adds the filled area of strips.
 struct Strips<'a> {
-    filled: &'a [Contours],
+    is_filled: IsFilled<'a>,
+    /// The number of sets of contours.
+    sets: usize,
     work: usize,
     /// Whether sides cross.
     crossed: bool,
@@ -140,16 +152,19 @@ struct Side {
     slope: Slope,
 }
 
-impl Strips<'_> {
-    fn area(&mut self, polygons: &[Vec<Vec<Point>>]) -> f64 {
-        self.over(polygons, [f64::NEG_INFINITY; 2], [f64::INFINITY; 2])
+impl<'a> Strips<'a> {
+    fn new(is_filled: IsFilled<'a>) -> Self {
+        Self {
+            is_filled,
+            sets: 0,
+            work: 0,
+            crossed: false,
+        }
     }
 
-    fn within(&mut self, polygons: &[Vec<Vec<Point>>], size: [f64; 2]) -> f64 {
-        self.over(polygons, [0.0; 2], size)
-    }
-
-    fn over(&mut self, polygons: &[Vec<Vec<Point>>], from: Point, to: Point) -> f64 {
+    /// Returns the filled area within a rectangle.
+    fn area(&mut self, polygons: &[Vec<Vec<Point>>], from: Point, to: Point) -> f64 {
+        self.sets = polygons.len();
         let sets = polygons.iter().enumerate();
         let edges = sets.flat_map(|(set, all)| {
             all.iter()
@@ -210,11 +225,11 @@ impl Strips<'_> {
                     + self.strip(active, [middle, top], [left, right], halvings + 1);
             }
         }
-        let (mut windings, mut width) = (vec![0; self.filled.len()], 0.0);
+        let (mut windings, mut width) = (vec![0; self.sets], 0.0);
         for pair in sides.windows(2) {
             windings[pair[0].slope.set] += pair[0].slope.edge.turn();
             let step = pair[1].at[1] - pair[0].at[1];
-            if step > 0.0 && is_filled(self.filled, &windings) {
+            if step > 0.0 && (self.is_filled)(&windings) {
                 width += step;
             }
         }

@@ -1,10 +1,11 @@
 //! Closed curves of straight lines, arcs of ellipses and cubics, as drawn, and regions within them.
 
 mod area;
+mod edge;
 mod fill;
 mod piece;
 
-pub use area::{area_of, area_within};
+pub(super) use area::{area, area_within};
 pub(super) use fill::cells as cells_of_polygons;
 pub use fill::{Contours, FillRule};
 pub use piece::{Arc, Contour, Piece};

@@ -35,7 +35,12 @@ impl Folder {
     }
 
     fn noted(&self, name: &str) -> Result<FilePatterns, String> {
-        read_patterns(self.path(name).to_str().unwrap(), PatternForm::PAPER).map_err(|e| format!("{e:?}"))
+        read_patterns(
+            self.path(name).to_str().unwrap(),
+            PatternForm::PAPER,
+            &DrawingOptions::default(),
+        )
+        .map_err(|e| format!("{e:?}"))
     }
 
     fn read_bytes(&self, name: &str, bytes: &[u8]) -> Result<Vec<Pattern>, String> {
@@ -439,7 +444,8 @@ fn pictures_have_the_ratio_of_the_cells_or_that_of_the_membrane() {
         };
         let image: Vec<u8> = (0..width * height).map(level).collect();
         fs::write(folder.path("r.png"), png(width, height, Grayscale, &image)).unwrap();
-        read_patterns(folder.path("r.png").to_str().unwrap(), form).map_err(|error| format!("{error:?}"))
+        read_patterns(folder.path("r.png").to_str().unwrap(), form, &DrawingOptions::default())
+            .map_err(|error| format!("{error:?}"))
     };
     // Pixels per cell of both ratios, and 30 × 20 ones at 10.3 per mm, rounded; none leaves a note.
     for [width, height] in [[20, 10], [60, 30], [60, 20], [620, 210]] {
@@ -567,7 +573,7 @@ fn grouped(raster: Raster) -> Pattern {
 }
 
 fn read_groups(folder: &Folder, name: &str, form: PatternForm) -> Result<Vec<Pattern>, String> {
-    let read = read_patterns(folder.path(name).to_str().unwrap(), form);
+    let read = read_patterns(folder.path(name).to_str().unwrap(), form, &DrawingOptions::default());
     read.map(|read| read.patterns).map_err(|e| format!("{e:?}"))
 }
 
@@ -648,8 +654,44 @@ fn files_without_names_have_no_named_datasets() {
     for (name, end) in [("a.npy", "npy"), ("A.CSV", "csv"), ("a.png", "png")] {
         fs::write(folder.path(name), "x").unwrap();
         let spec = format!("{}:/x", folder.path(name).display());
-        let error = read_patterns(&spec, PatternForm::PAPER).unwrap_err();
+        let error = read_patterns(&spec, PatternForm::PAPER, &DrawingOptions::default()).unwrap_err();
         let said = format!("`.{end}` files have no named datasets");
         assert!(error.to_string().contains(&said), "{error}");
     }
+}
+
+#[test]
+fn a_threshold_says_how_dark_electrodes_are() {
+    use ::png::ColorType::Grayscale;
+    let folder = Folder::new();
+    // Black in the corner, 60 % dark on the left, white on the right.
+    let level = |at: usize| match (at, at % 50 < 25) {
+        (0, _) => 0,
+        (_, true) => 102,
+        (_, false) => 255,
+    };
+    fs::write(
+        folder.path("grey.png"),
+        png(50, 50, Grayscale, &(0..2500).map(level).collect::<Vec<u8>>()),
+    )
+    .unwrap();
+    let area = |threshold: f64| {
+        let drawings = DrawingOptions {
+            threshold,
+            ..DrawingOptions::default()
+        };
+        let read = read_patterns(folder.path("grey.png").to_str().unwrap(), PatternForm::PAPER, &drawings).unwrap();
+        (read.patterns[0].area_fraction(None) * 2500.0, read.notes)
+    };
+    let (cells, notes) = area(0.5);
+    assert!(
+        cells == 1250.0 && notes[0].contains("at least half of a cell is dark"),
+        "{cells} {notes:?}"
+    );
+    let (cells, notes) = area(0.7);
+    assert!(
+        cells == 1.0 && notes[0].contains("at least 70.0 % of a cell is dark"),
+        "{cells} {notes:?}"
+    );
+    assert_eq!(area(0.55).0, 1250.0);
 }

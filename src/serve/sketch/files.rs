@@ -8,12 +8,12 @@ use serde_json::json;
 use super::request::SketchRequest;
 use crate::http::{ApiError, Request, Response};
 use crate::state::ServerState;
-use deaflow_pattern::{Pattern, read_patterns_of};
+use deaflow_pattern::{DrawingOptions, Pattern, read_patterns_of};
 use deaflow_report::export::{self, mask_drawing};
 use deaflow_scene::{Mask, Size};
 
 /// Formats that can be imported.
-const IMPORT_FORMATS: [&str; 3] = ["csv", "npy", "png"];
+const IMPORT_FORMATS: [&str; 5] = ["csv", "npy", "png", "dxf", "svg"];
 
 /// Formats that can be exported, with their media types.
 const EXPORT_FORMATS: [(&str, &str); 6] = [
@@ -37,8 +37,7 @@ pub fn import(state: &ServerState, request: &Request) -> Result<Response, ApiErr
     let format = request.parameter("format").unwrap_or_default();
     if !IMPORT_FORMATS.contains(&format) {
         let allowed = IMPORT_FORMATS.join(", ");
-        return Err(ApiError::bad_request(format!("cannot read format {format:?}"))
-            .help(format!("allowed: {allowed}; the page itself reads svg and dxf")));
+        return Err(ApiError::bad_request(format!("cannot read format {format:?}")).help(format!("allowed: {allowed}")));
     }
     let scene = state.scene(request.query.get("scene").map(String::as_str));
     let scene = scene.ok_or_else(|| ApiError::not_found("unknown scene").help("GET /api/scenes lists the scenes"))?;
@@ -49,7 +48,7 @@ pub fn import(state: &ServerState, request: &Request) -> Result<Response, ApiErr
     let mut file = fs::File::create_new(&path).map_err(failed)?;
     file.write_all(&request.body).map_err(failed)?;
     let form = scene.form();
-    let found = read_patterns_of(&path, None, form);
+    let found = read_patterns_of(&path, None, form, &DrawingOptions::default());
     let found = found.map_err(|error| ApiError::bad_request(error.to_string()).help(error.advice(form)))?;
     let columns = form.raster.columns();
     let rows = |pattern: &Pattern| pattern.cells().chunks(columns).map(<[u8]>::to_vec).collect::<Vec<_>>();

@@ -3,7 +3,7 @@
 use std::fs;
 
 use bolero::check;
-use deaflow::pattern::{PatternForm, read_patterns};
+use deaflow::pattern::{DrawingOptions, PatternForm, read_patterns};
 
 use super::checked::{check_message, checked};
 use super::mutate::Seeds;
@@ -18,7 +18,7 @@ fn reader(form: &'static str) -> impl Fn(&[u8]) -> bool {
     move |bytes| {
         let path = place.path().join(format!("p.{form}"));
         fs::write(&path, bytes).unwrap();
-        match read_patterns(path.to_str().unwrap(), PatternForm::PAPER) {
+        match read_patterns(path.to_str().unwrap(), PatternForm::PAPER, &DrawingOptions::default()) {
             Ok(read) => {
                 assert!(!read.patterns.is_empty());
                 true
@@ -120,6 +120,7 @@ fn names() {
         let refusal = read_patterns(
             &format!("nowhere/{}", String::from_utf8_lossy(bytes)),
             PatternForm::PAPER,
+            &DrawingOptions::default(),
         )
         .unwrap_err();
         check_message(&refusal.to_string());

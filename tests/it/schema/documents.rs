@@ -205,6 +205,24 @@ stages:
   drawn: { foreach: { family: [blobs, curves] }, kind: sample, groups: 1, family: '${family}', count: 2, area: 0.5, seed: 1 }
 ";
 
+/// Shapes of patterns.
+const SHAPES: [&str; 12] = [
+    "rectangle: [[5 mm, 5 mm], [45 mm, 40 mm]]",
+    "rectangle: { corners: [[5 mm, 5 mm], [45 mm, 40 mm]], angle: 5 deg, corner: 3 mm }",
+    "disc: { centre: [25 mm, 25 mm], radius: 4 mm }",
+    "ellipse: { centre: [25 mm, 25 mm], semiaxes: [5 mm, 4 mm], angle: 20 deg }",
+    "ring: { centre: [25 mm, 25 mm], radii: [2 mm, 4 mm] }",
+    "polygon: [[5 mm, 5 mm], [45 mm, 5 mm], [25 mm, 40 mm]], without: [{ rectangle: [[20 mm, 6 mm], [22 mm, 9 mm]] }]",
+    "path: { from: [5 mm, 5 mm], to: [{ line: [45 mm, 5 mm] }, { arc: [[48 mm, 25 mm], [45 mm, 45 mm]] },
+      { cubic: [[30 mm, 50 mm], [20 mm, 50 mm], [5 mm, 45 mm]] }] }",
+    "mask: { columns: 50, rows: 50, runs: [100, 50, 2350] }",
+    "union: [{ rectangle: [[5 mm, 5 mm], [45 mm, 40 mm]] }]",
+    "intersect: [{ rectangle: [[5 mm, 5 mm], [45 mm, 40 mm]] }]",
+    "file: tests/it/schema/own.png, threshold: 0.4",
+    "file: tests/it/schema/own.dxf, layer: E, unit: mm, origin: [20 mm, 20 mm], scale: 2, angle: 10 deg, join: 1 um,
+      without: [{ rectangle: [[20 mm, 20 mm], [22 mm, 22 mm]] }]",
+];
+
 const GEOMETRIES: [&str; 7] = [
     "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 4, frame: { opening: { mask: { columns: 4, rows: 4, runs: [0, 16] } },
       held: [{ mask: { columns: 4, rows: 4, runs: [0, 1, 15] } }] }, bodies: [{ mask: { columns: 4, rows: 4, runs: [10, 1, 5] } }] }",
@@ -270,7 +288,14 @@ properties: { sheet_resistance: 50 kOhm }",
 /// The documents of a kind.
 pub fn of(kind: Kind) -> Vec<Value> {
     match kind {
-        Kind::Pipeline => vec![json(PIPELINE), json(DEVICE), json(CREEP), json(SWING)],
+        Kind::Pipeline => {
+            // A stage for each shape, which are read for each fault.
+            let stages = (1..).zip(SHAPES).map(|(at, shape)| {
+                format!("  shaped{at}: {{ kind: patterns, edges: cells, shapes: [{{ group: 1, {shape} }}] }}\n")
+            });
+            let pipeline = PIPELINE.to_owned() + &stages.collect::<String>();
+            vec![json(&pipeline), json(DEVICE), json(CREEP), json(SWING)]
+        }
         Kind::Scene => {
             let laws = Stiffening::EXAMPLES.iter().map(|law| {
                 format!(

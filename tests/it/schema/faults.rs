@@ -91,8 +91,9 @@ pub fn collect(kind: Kind, document: &Value, seen: &mut BTreeSet<String>, faults
         });
     };
     for place in walk::mappings(&schema, document) {
+        let shared = walk::shared_place(&schema, &place.schema);
         for key in keys(&schema, &place.schema) {
-            if seen.insert(format!("{} without {key}", place.schema)) {
+            if seen.insert(format!("{shared} without {key}")) {
                 let mut changed = document.clone();
                 let map = changed.pointer_mut(&place.document).unwrap().as_object_mut().unwrap();
                 if map.remove(&key).is_some() {
@@ -100,7 +101,7 @@ pub fn collect(kind: Kind, document: &Value, seen: &mut BTreeSet<String>, faults
                 }
             }
         }
-        if seen.insert(format!("{} with", place.schema)) {
+        if seen.insert(format!("{shared} with")) {
             add(
                 with_key(document, &place.document, "zzz", Value::Null),
                 &format!("{}/zzz", place.document),
@@ -108,8 +109,8 @@ pub fn collect(kind: Kind, document: &Value, seen: &mut BTreeSet<String>, faults
         }
     }
     for leaf in walk::leaves(&schema, document) {
-        let of_scene = |name: &&str| leaf.schema.starts_with(&format!("/$defs/{name}"));
-        if (kind == Kind::Pipeline && walk::OF_SCENES.iter().any(of_scene)) || !seen.insert(leaf.schema.clone()) {
+        let shared = walk::shared_place(&schema, &leaf.schema);
+        if is_of_scenes(kind, &shared) || !seen.insert(shared) {
             continue;
         }
         let was = document.pointer(&leaf.document).unwrap();
@@ -119,6 +120,12 @@ pub fn collect(kind: Kind, document: &Value, seen: &mut BTreeSet<String>, faults
             add(changed, &leaf.document);
         }
     }
+}
+
+/// Whether a place of a pipeline's schema is one that the schema of scenes has too.
+fn is_of_scenes(kind: Kind, place: &str) -> bool {
+    let mut names = walk::OF_SCENES.iter();
+    kind == Kind::Pipeline && names.any(|name| place.starts_with(&format!("/$defs/{name}")))
 }
 
 /// The document with the stage at a place and what that needs, itself or by other stages: to read all of it for each

@@ -90,6 +90,20 @@ pub fn shared(schema: &Value) -> Option<String> {
     Some(reference.strip_prefix('#')?.to_owned())
 }
 
+/// The place of a schema in the definition of shapes, if it is a copy of what stands there: shapes are also bodies and
+/// patterns, with further keys.
+pub fn shared_place(root: &Value, at: &str) -> String {
+    const KEYS: &str = "/properties/";
+    let in_shape = at.match_indices(KEYS).find_map(|(start, _)| {
+        let rest = &at[start + KEYS.len()..];
+        let key = rest.split('/').next().unwrap_or(rest);
+        let own = root.pointer(&format!("{}{KEYS}{key}", &at[..start]))?;
+        let of_shape = root.pointer(&format!("/$defs/shape{KEYS}{key}"))?;
+        (own == of_shape).then(|| format!("/$defs/shape{}", &at[start..]))
+    });
+    in_shape.unwrap_or_else(|| at.to_owned())
+}
+
 /// The place of a schema once its references are followed.
 fn resolved(root: &Value, at: &str) -> String {
     match root.pointer(at).unwrap().get("$ref").and_then(Value::as_str) {

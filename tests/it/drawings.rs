@@ -1,0 +1,161 @@
+//! Drawings of CAD programs and shapes in pipelines as patterns.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use super::common::{Workspace, scene_file};
+
+/// An example drawing in the sources of the reader.
+fn example(workspace: &Workspace, name: &str) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/pattern/drawing/tests/files");
+    std::fs::copy(folder.join(name), workspace.path(name)).unwrap();
+}
+
+fn with_scene() -> Workspace {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &scene_file());
+    workspace
+}
+
+/// The first pattern of a file as `deaflow check` reads it.
+fn checked(workspace: &Workspace, arguments: &[&str]) -> Value {
+    let ended = workspace.run(&[&["check", "--scene", "scene.yaml", "--json"], arguments].concat());
+    assert_eq!(ended.code, Some(0), "{arguments:?}: {}", ended.stderr);
+    ended.json()["files"][0].clone()
+}
+
+#[test]
+fn drawings_are_read_where_patterns_are() {
+    let workspace = with_scene();
+    for name in ["d2_ring_text.dxf", "d4_bulge_inches.dxf", "s3_transform_px.svg"] {
+        example(&workspace, name);
+    }
+    for (arguments, exact) in [
+        (&["d2_ring_text.dxf"][..], 357.356),
+        (&["d2_ring_text.dxf", "--layer", "ELECTRODE"], 357.356),
+        (&["s3_transform_px.svg", "--layer", "ELECTRODE"], 70.376),
+    ] {
+        let found = checked(&workspace, arguments);
+        let area = found["patterns"][0]["area_mm2"].as_f64().unwrap();
+        assert!((area - exact).abs() < 0.05 * exact, "{arguments:?}: {area} {exact}");
+        let notes = found["notes"].to_string();
+        assert!(notes.contains("read by the centres of cells"), "{notes}");
+    }
+    let notes = checked(&workspace, &["d2_ring_text.dxf"])["notes"].to_string();
+    assert!(
+        notes.contains("ignored: 1 TEXT") && notes.contains("357.4 mm² are drawn"),
+        "{notes}"
+    );
+    let refused = |arguments: &[&str], says: &str| {
+        let ended = workspace.run(arguments);
+        assert!(
+            ended.code == Some(2) && ended.stderr.contains(says),
+            "{arguments:?}: {:?} {}",
+            ended.code,
+            ended.stderr
+        );
+    };
+    refused(&["check", "d2_ring_text.dxf"], "a drawing has no cells");
+    refused(
+        &["check", "d2_ring_text.dxf", "--scene", "scene.yaml", "--layer", "X"],
+        "no curves on layer",
+    );
+    let solved = workspace.run(&[
+        "solve",
+        "scene.yaml",
+        "d4_bulge_inches.dxf",
+        "--method",
+        "linear",
+        "-o",
+        "out.h5",
+    ]);
+    assert_eq!(solved.code, Some(0), "{}", solved.stderr);
+}
+
+/// A pattern with a hole, an island in it, and cells that touch in corners.
+fn pattern(value: impl Fn(i64, i64) -> u8) -> String {
+    let row = |y: i64| (0..50).map(|x| value(x, y).to_string()).collect::<Vec<_>>().join(",");
+    (0..50).map(|y| row(y) + "\n").collect()
+}
+
+#[test]
+fn exported_masks_are_read_as_the_same_pattern() {
+    let workspace = with_scene();
+    let ring = |x: i64, y: i64| {
+        let radius = (x - 20).pow(2) + (y - 27).pow(2);
+        u8::from((40..250).contains(&radius) || radius < 9 || (x + y) % 7 == 0 && x > 40)
+    };
+    workspace.write("own.csv", &pattern(ring));
+    let rows = |file: &str| checked(&workspace, &[file])["patterns"][0]["rows_from_below"].clone();
+    for file in ["mask.dxf", "mask.svg"] {
+        let ended = workspace.run(&["export", "design", "own.csv", "--scene", "scene.yaml", "-o", file]);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        assert_eq!(rows("own.csv"), rows(file), "{file}");
+    }
+    // Groups, on their layers.
+    let scene = scene_file().replace("voltage: 5.25 kV", "voltages: [5 kV, 3 kV]");
+    assert!(scene.contains("voltages"), "{scene}");
+    workspace.write("scene.yaml", &scene);
+    workspace.write("own.csv", &pattern(|x, y| ring(x, y) * if x < 18 { 1 } else { 2 }));
+    for file in ["mask.dxf", "mask.svg"] {
+        let ended = workspace.run(&["export", "design", "own.csv", "--scene", "scene.yaml", "-o", file]);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        assert_eq!(rows("own.csv"), rows(file), "{file}");
+    }
+}
+
+#[test]
+fn shapes_are_drawn_and_swept() {
+    let workspace = with_scene();
+    example(&workspace, "d1_circle.dxf");
+    let pipeline = |shapes: &str| {
+        workspace.write(
+            "rings.yaml",
+            &format!(
+                "version: 1\nname: rings\nscene: scene.yaml\nstages:\n  own: {{ foreach: {{ r: [5 mm, 6 mm, 7 mm] }}, \
+                 kind: patterns, shapes: [{shapes}] }}\n  \
+                 solved: {{ kind: solve, needs: [own], gather: true, method: linear }}\n"
+            ),
+        );
+        workspace.run(&["run", "rings.yaml", "--json"])
+    };
+    let ended = pipeline(
+        "{ ring: { centre: [25 mm, 25 mm], radii: [2 mm, '${r}'] }, \
+         without: [{ rectangle: [[24 mm, 0 mm], [26 mm, 25 mm]] }] }",
+    );
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let shown = workspace.run(&["show", "rings.yaml:solved", "--csv"]);
+    assert_eq!(shown.code, Some(0), "{}", shown.stderr);
+    let drawn = pipeline("{ file: d1_circle.dxf, without: [{ disc: { centre: [25 mm, 25 mm], radius: '${r}' } }] }");
+    assert_eq!(drawn.code, Some(0), "{}", drawn.stderr);
+    for (shapes, says) in [
+        (
+            "{ disc: { centre: [25 mm, 25 mm], radius: '${r}' } }, \
+             { group: 2, disc: { centre: [25 mm, 25 mm], radius: 1 mm } }",
+            "found electrode group 2",
+        ),
+        (
+            "{ disc: { centre: [90 mm, 25 mm], radius: '${r}' } }",
+            "nothing of it lies on the membrane of 50 mm",
+        ),
+        (
+            "{ file: d1_circle.dxf, layer: X, join: '${r}' }",
+            "the file d1_circle.dxf: the drawing has no curves on layer",
+        ),
+        ("{ file: missing.dxf, join: '${r}' }", "missing.dxf: it does not exist"),
+        (
+            "{ file: d1_circle.dxf, disc: { centre: [25 mm, 25 mm], radius: '${r}' } }",
+            "unknown key `disc`",
+        ),
+    ] {
+        let ended = pipeline(shapes);
+        let flat = ended.stderr.replace("\n  │ ", " ");
+        assert!(
+            ended.code == Some(2) && flat.contains(says),
+            "{shapes}: {:?} {}",
+            ended.code,
+            ended.stderr
+        );
+    }
+}
