@@ -475,7 +475,7 @@ fn pictures_have_the_ratio_of_the_cells_or_that_of_the_membrane() {
     assert!(!refused.contains("membrane"), "{refused}");
     // Several groups, whose cells are blocks.
     let groups = PatternForm::on(&membrane, 2);
-    assert_eq!(read(60, 20, groups).unwrap().patterns, [wanted.clone()]);
+    assert_eq!(read(60, 20, groups).unwrap().patterns[0], wanted);
     assert!(read(450, 150, groups).is_err());
 }
 
