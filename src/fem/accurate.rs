@@ -277,10 +277,16 @@ mod tests {
     #[test]
     fn what_a_fine_mesh_refuses_is_not_answered_by_a_coarse_one() {
         // Just above the pull-in of four biquadratic elements per cell, coarse meshes still find an equilibrium.
-        let pattern = &patterns()[8];
+        let scene = Scene::from_text(
+            "{ geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 20 }, material: { model: neo-hookean, \
+             shear_modulus: 45 kPa, relative_permittivity: 4.7 }, drive: { voltage: 7 kV }, effects: {} }",
+        )
+        .unwrap();
+        let pattern = &Pattern::from_fn(Raster::new(20, 20).unwrap(), |x, y| {
+            (3.2..5.6).contains(&(x as f64 - 8.2).hypot(y as f64 - 11.0))
+        });
         let outcome = |mesh, voltage: f64| {
-            let options = SolveOptions::on(mesh);
-            let solver = MembraneSolver::new(&Scene::vhb4910().at_voltage(voltage), options).unwrap();
+            let solver = MembraneSolver::new(&scene.at_voltage(voltage), SolveOptions::on(mesh)).unwrap();
             solver.solve(pattern).outcome
         };
         let Outcome::PullIn {
@@ -295,7 +301,7 @@ mod tests {
                 .iter()
                 .all(|&mesh| outcome(mesh, voltage).is_converged())
         );
-        let solver = AccurateSolver::new(&Scene::vhb4910().at_voltage(voltage), 0.5, 1e-8).unwrap();
+        let solver = AccurateSolver::new(&scene.at_voltage(voltage), 0.5, 1e-8).unwrap();
         let result = solver.simulate(std::slice::from_ref(pattern)).unwrap().remove(0);
         assert_ne!(result.simulation.outcome, Outcome::Converged);
         assert_eq!((result.simulation.field, result.discretisation_error), (None, None));

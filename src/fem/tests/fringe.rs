@@ -69,7 +69,7 @@ fn errors_are_those_without_a_fringe_field_on_every_mesh() {
     let off = scene(0.125, 0.9, false);
     let truth = solve(&off, finest);
     let plain: Vec<Vec<f64>> = meshes.iter().map(|&mesh| errors(&solve(&off, mesh), &truth)).collect();
-    for strip in [1.0 / 64.0, 0.125, 0.29, 0.5] {
+    for strip in [1.0 / 64.0, 0.29, 0.5] {
         let on = scene(strip, 0.9, true);
         let truth = solve(&on, finest);
         for (mesh, plain) in meshes.iter().zip(&plain) {
@@ -91,7 +91,7 @@ fn an_accuracy_that_is_stated_is_met() {
         let base = Scene::vhb4910();
         let mut scene = Scene::with_values(base.side_mm(), thickness, 3.0, base.shear_modulus_pa(), 4.7, volts);
         scene.effects.fringe_field = Some(On {});
-        let truth = solve(&scene, Mesh::biquadratic(6));
+        let truth = solve(&scene, Mesh::biquadratic(4));
         for accuracy in [0.01, 0.001] {
             let solver = AccurateSolver::new(&scene, accuracy, 1e-8).unwrap();
             let results = solver.simulate(&patterns()).unwrap();

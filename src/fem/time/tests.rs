@@ -615,7 +615,7 @@ fn viscous_motion_comes_to_rest_with_its_energy_in_balance() {
              branches: [{{ modulus: 45 kPa, time: 1 ms }}] }} }}"
         ));
         let request = HistoryRequest {
-            times: vec![0.1],
+            times: vec![0.06],
             accuracy_mm: Some(1e-2),
             ..HistoryRequest::at(Vec::new())
         };

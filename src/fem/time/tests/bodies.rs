@@ -248,7 +248,7 @@ fn bodies_come_to_rest_at_their_equilibrium() {
              branches: [{{ modulus: 45 kPa, time: 1 ms }}] }} }}",
             bar(", load: [5 mN, 2 mN], spring: 1 N/m")
         ));
-        let found = within(&scene, &turning(), vec![0.2], 1e-2);
+        let found = within(&scene, &turning(), vec![0.1], 1e-2);
         assert!(found.outcome.is_converged(), "{law}: {}", found.outcome);
         let still = solver(&scene).simulate(&[turning()]).remove(0).field.unwrap();
         let size = still.max_magnitude();

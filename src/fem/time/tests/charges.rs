@@ -100,7 +100,7 @@ fn viscous_motion_comes_to_rest_at_the_equilibrium_of_what_feeds_it() {
         (FED[3], "voltage: 4 kV"),
     ] {
         let branch = "viscoelasticity: { branches: [{ modulus: 45 kPa, time: 1 ms }] }";
-        let found = within(&moving(drive, branch), &odd(ten()), vec![0.1], 1e-2);
+        let found = within(&moving(drive, branch), &odd(ten()), vec![0.08], 1e-2);
         assert!(found.outcome.is_converged(), "{drive}: {}", found.outcome);
         let still = scene(&format!("{SQUARE}, drive: {{ {still} }}, effects: {{}}"));
         let still = solver(&still).simulate(&[odd(ten())]).remove(0).field.unwrap();

@@ -156,7 +156,7 @@ fn steps_do_not_pass_over_a_pulse_of_many_rows() {
             };
             solver.unwrap().history(&half(), &request).unwrap()
         };
-        let (found, truth) = (at(10_000, 1e-4), at(10_000, 2e-6));
+        let (found, truth) = (at(10_000, 1e-4), at(10_000, 1e-5));
         let size = truth.fields[0].max_magnitude().max(truth.fields[1].max_magnitude());
         assert!(size > 1e-4, "{name}: {size}");
         let off = found.difference(&truth);
@@ -323,8 +323,8 @@ fn noise_of_an_oscilloscope_takes_at_most_ten_times_the_steps_of_the_smooth_driv
         let times = [0.5 * scale, scale];
         let smooth = history(&Scene::from_text(&smooth).unwrap(), &half(), Mesh::bilinear(1), &times);
         for (rows, size) in [(2000, 1e-3), (2000, 0.01), (10_000, 0.01)] {
-            // Leads with larger noise take more steps.
-            if name == "leads" && size > 2e-3 {
+            // Leads with larger noise take more steps, and the branches of both laws respond alike.
+            if ["leads", "finite creep"].contains(&name) && size > 2e-3 {
                 continue;
             }
             let row_of = |time: f64| (f64::from(rows) * time).round();
@@ -359,7 +359,7 @@ fn jumps_and_pulses_in_noise_are_within_the_stated_error() {
     let ramp = |at: u32| [place(at), noisy(at, 0.4 + place(at))];
     // The voltage falls by half in no time.
     let falls = |at: u32| [place(at), noisy(at, 0.45)];
-    let jump = (0..=1000).map(ramp).chain((1000..=rows).map(falls));
+    let jump = (0..=rows / 2).map(ramp).chain((rows / 2..=rows).map(falls));
     // The voltage rises by half for a hundredth of the time.
     let pulse = (0..=rows).map(|at| {
         let share = (place(at) - 0.7) / 0.01;
