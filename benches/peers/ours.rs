@@ -6,7 +6,7 @@
 use deaflow::base::thread_seconds;
 use deaflow::fem::{MembraneSolver, SolveOptions};
 use deaflow::field::{Mesh, Simulator};
-use deaflow::pattern::{CELLS, Pattern, PatternForm, read_patterns};
+use deaflow::pattern::{CELLS, DrawingOptions, Pattern, PatternForm, read_patterns};
 use deaflow::scene::Scene;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -15,7 +15,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         println!("no PATTERNS.npy given: nothing to compare");
         return Ok(());
     };
-    let patterns = read_patterns(&path, PatternForm::PAPER)
+    let patterns = read_patterns(&path, PatternForm::PAPER, &DrawingOptions::default())
         .map_err(|e| e.to_string())?
         .patterns;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;

@@ -207,6 +207,6 @@ fn check_file(path: &Path) -> Result<(), PatternFileError> {
 }
 
 #[cfg(test)]
-mod fuzz;
+pub(super) mod fuzz;
 #[cfg(test)]
 pub(super) mod tests;

@@ -9,7 +9,7 @@ use super::tests::{Folder, wanted};
 
 /// The changes of inputs of all fuzz targets.
 #[path = "../../../tests/it/fuzz/mutate.rs"]
-mod mutate;
+pub mod mutate;
 use mutate::Seeds;
 
 #[test]

@@ -124,8 +124,8 @@ pub struct Drawn(Source);
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Source {
-    Shape(DrawnShape),
-    File(DrawnFile),
+    Shape(Box<DrawnShape>),
+    File(Box<DrawnFile>),
 }
 
 impl Parameter for Drawn {
@@ -134,8 +134,8 @@ impl Parameter for Drawn {
 
     fn read(node: &Node, _key: &str, (): &()) -> Result<Self, InputError> {
         match node.peek(FILE) {
-            Some(_) => DrawnFile::read_with(node, &[]).map(Source::File).map(Self),
-            None => DrawnShape::read_with(node, &[]).map(Source::Shape).map(Self),
+            Some(_) => DrawnFile::read_with(node, &[]).map(|own| Self(Source::File(Box::new(own)))),
+            None => DrawnShape::read_with(node, &[]).map(|own| Self(Source::Shape(Box::new(own)))),
         }
     }
 

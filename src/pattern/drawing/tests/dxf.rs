@@ -219,7 +219,7 @@ fn splines_are_cubics_or_close_to_them() {
 #[test]
 fn blocks_are_scaled_turned_repeated_and_nested() {
     // A half disc on layer 0, around its base point.
-    let half = pairs(&[(0, "ARC"), (8, "0")]) + &format!("10\n7\n20\n7\n40\n1\n50\n0\n51\n180\n");
+    let half = pairs(&[(0, "ARC"), (8, "0")]) + "10\n7\n20\n7\n40\n1\n50\n0\n51\n180\n";
     let half = half + &pairs(&[(0, "LINE"), (8, "0")]) + "10\n8\n20\n7\n11\n6\n21\n7\n";
     let inner = block("HALF", [7.0, 7.0], &half);
     let outer = block(
@@ -317,7 +317,11 @@ fn ends_are_joined_in_any_order_and_gaps_are_named() {
     let side = |k: usize, gap: f64| {
         let ([a, b], to) = (corners[k], corners[(k + 1) % 4]);
         let from = [a + gap, b];
-        if k % 2 == 0 { line(from, to) } else { line(to, from) }
+        if k.is_multiple_of(2) {
+            line(from, to)
+        } else {
+            line(to, from)
+        }
     };
     let scattered = |gap: f64| [2, 0, 3, 1].map(|k| side(k, gap)).concat();
     assert_exact(area(&drawn(&scattered(0.0))), 12.0);

@@ -4,10 +4,7 @@ use bolero::check;
 
 use super::{DrawingFormat, DrawingOptions, read_text};
 
-/// The changes of inputs of all fuzz targets.
-#[path = "../../../../tests/it/fuzz/mutate.rs"]
-mod mutate;
-use mutate::Seeds;
+use crate::read::fuzz::mutate::Seeds;
 
 const DXF: &[&str] = &[
     "0\nINSERT\n2\nB\n10\n0\n20\n0\n70\n90\n71\n90\n",
