@@ -3,6 +3,7 @@
 use super::bits::Bits;
 use super::contour::{Contour, Contours, FillRule, RESOLUTION, area, area_within, cells_of_polygons};
 use super::membrane::Membrane;
+use super::polygons::Polygons;
 use super::raster::Raster;
 
 /// A region of the membrane in mm from its lower left corner. The border belongs to it.
@@ -225,6 +226,31 @@ impl Region {
             [[low[0].min(x), low[1].min(y)], [high[0].max(x), high[1].max(y)]]
         });
         (low[0] <= high[0]).then_some([low, high])
+    }
+
+    /// Returns the region as polygons that are within 1e-6 mm of it; cells of another raster are left out.
+    #[must_use]
+    pub fn polygons(&self, membrane: Membrane) -> Polygons {
+        let polygons = |region: &Self| region.polygons(membrane);
+        let union = |regions: &[Self]| {
+            let each = regions.iter().map(polygons);
+            each.fold(Polygons::default(), |all, region| all.union(&region))
+        };
+        match self {
+            Self::Cells(cells) if cells.raster() == membrane.raster => Polygons::of_cells(cells, membrane),
+            Self::Union(regions) => union(regions),
+            Self::Intersection(regions) => {
+                let whole = Polygons::of_membrane(membrane);
+                regions
+                    .iter()
+                    .map(polygons)
+                    .fold(whole, |all, region| all.intersection(&region))
+            }
+            Self::Without(region, others) => region.polygons(membrane).without(&union(others)),
+            _ => self
+                .contours()
+                .map_or_else(Polygons::default, |contours| contours.filled()),
+        }
     }
 
     /// Returns the raster of a mask in the region that is not this one.

@@ -97,7 +97,7 @@ fn check_step(_: &Step, map: &Map<'_>) -> Result<(), InputError> {
 
 fn check_ring(ring: &Ring, map: &Map<'_>) -> Result<(), InputError> {
     let [inner, outer] = ring.radii;
-    match inner < outer {
+    match inner.value() < outer.value() {
         true => Ok(()),
         false => Err(map
             .required(Ring::WHAT, "radii")?

@@ -275,6 +275,7 @@ fn shapes_have_their_areas_and_survive_their_text() {
             32.0 * pi,
         ),
         ("{ ring: { centre: [10 mm, 1 cm], radii: [3 mm, 9 mm] } }", 72.0 * pi),
+        ("{ ring: { centre: [10 mm, 1 cm], radii: [8 mm, 10 mm] } }", 36.0 * pi),
         (
             "{ rectangle: { corners: [[4 mm, 7 mm], [16 mm, 13 mm]], angle: -20 deg } }",
             72.0,

@@ -4,7 +4,7 @@ use super::Point;
 use super::area::area;
 use super::edge::{Edge, winding};
 use super::piece::Contour;
-use crate::{Bits, Membrane};
+use crate::{Bits, Membrane, Polygons};
 
 /// What of overlapping contours is filled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,6 +55,12 @@ impl Contours {
     #[must_use]
     pub fn cells(&self, membrane: Membrane) -> Bits {
         cells(&self.polygons(), self.rule, membrane)
+    }
+
+    /// Returns what is filled, within 1e-6 mm.
+    #[must_use]
+    pub fn filled(&self) -> Polygons {
+        Polygons::filled(&self.polygons(), self.rule)
     }
 
     pub(super) fn polygons(&self) -> Vec<Vec<Point>> {

@@ -1,0 +1,215 @@
+//! Regions bounded by polygons, and their combinations.
+
+use i_overlay::core::fill_rule as overlay;
+use i_overlay::core::overlay_rule::OverlayRule;
+use i_overlay::float::single::SingleFloatOverlay;
+
+use super::bits::Bits;
+use super::contour::FillRule;
+use super::membrane::Membrane;
+use super::symmetry::Symmetries;
+
+/// A point in mm.
+type Point = [f64; 2];
+
+/// A region bounded by closed polygons that do not cross: outer ones anticlockwise, holes clockwise.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Polygons {
+    rings: Vec<Vec<Point>>,
+}
+
+/// The exact borders of the parts of a membrane and of electrodes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Borders {
+    /// What is not frame; `None` without a frame inside the rectangle.
+    pub opening: Option<Polygons>,
+    /// Each body.
+    pub bodies: Vec<Polygons>,
+    /// Electrodes with their group, from 1, which do not overlap; without any, electrodes are those of a pattern.
+    pub electrodes: Vec<(u8, Polygons)>,
+}
+
+/// By how much regions may differ in mm² and count as equal, for rounding and flattened arcs.
+const EQUAL: f64 = 1e-3;
+
+impl Borders {
+    /// Returns the symmetries of a rectangle of a size that map the opening to itself, and bodies to bodies.
+    #[must_use]
+    pub fn symmetries(&self, of: Symmetries, size: [f64; 2]) -> Symmetries {
+        let bodies = self
+            .bodies
+            .iter()
+            .fold(Polygons::default(), |all, body| all.union(body));
+        let regions = self.opening.iter().chain([&bodies]);
+        let regions: Vec<&Polygons> = regions.collect();
+        of.filter(|g| {
+            let turned = |point: Point| {
+                let [x, y] = g.apply_vector([point[0] - 0.5 * size[0], point[1] - 0.5 * size[1]]);
+                [x + 0.5 * size[0], y + 0.5 * size[1]]
+            };
+            regions
+                .iter()
+                .all(|region| region.mapped(turned).is_within(EQUAL, region))
+        })
+    }
+}
+
+impl Polygons {
+    /// Creates the region of points that lie within an odd number of closed polygons, which may cross.
+    #[must_use]
+    pub fn new(rings: &[Vec<Point>]) -> Self {
+        Self::filled(rings, FillRule::EvenOdd)
+    }
+
+    /// Creates the region that closed polygons fill.
+    #[must_use]
+    pub fn filled(rings: &[Vec<Point>], rule: FillRule) -> Self {
+        let rule = match rule {
+            FillRule::EvenOdd => overlay::FillRule::EvenOdd,
+            FillRule::NonZero => overlay::FillRule::NonZero,
+        };
+        Self::overlaid(rings, &[], OverlayRule::Subject, rule)
+    }
+
+    /// Creates the region of cells of a membrane.
+    #[must_use]
+    pub fn of_cells(cells: &Bits, membrane: Membrane) -> Self {
+        let [width, height] = membrane.cell_mm();
+        let [columns, rows] = membrane.raster.sides();
+        let mut rings = Vec::new();
+        for y in 0..rows {
+            let mut x = 0;
+            while x < columns {
+                let end = (x..columns).find(|&x| !cells.has(x, y)).unwrap_or(columns);
+                if end > x {
+                    let ([left, right], [low, high]) = ([x, end], [y, y + 1]);
+                    let corners = [[left, low], [right, low], [right, high], [left, high]];
+                    rings.push(corners.map(|[x, y]| [x as f64 * width, y as f64 * height]).to_vec());
+                }
+                x = end.max(x + 1);
+            }
+        }
+        Self::new(&rings)
+    }
+
+    /// Creates the whole rectangle of a membrane.
+    #[must_use]
+    pub fn of_membrane(membrane: Membrane) -> Self {
+        let [width, height] = membrane.size_mm;
+        Self::new(&[vec![[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]]])
+    }
+
+    fn combined(&self, other: &Self, rule: OverlayRule) -> Self {
+        Self::overlaid(&self.rings, &other.rings, rule, overlay::FillRule::EvenOdd)
+    }
+
+    fn overlaid(one: &[Vec<Point>], other: &[Vec<Point>], rule: OverlayRule, fill: overlay::FillRule) -> Self {
+        let shapes = one.to_vec().overlay_as::<i64>(&other.to_vec(), rule, fill);
+        Self {
+            rings: shapes.into_iter().flatten().collect(),
+        }
+    }
+
+    /// Returns the polygons; the last point of each is joined to the first.
+    #[must_use]
+    pub fn rings(&self) -> &[Vec<Point>] {
+        &self.rings
+    }
+
+    /// Returns whether the region is empty.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.rings.is_empty()
+    }
+
+    /// Returns what is in either region.
+    #[must_use]
+    pub fn union(&self, other: &Self) -> Self {
+        self.combined(other, OverlayRule::Union)
+    }
+
+    /// Returns what is in both regions.
+    #[must_use]
+    pub fn intersection(&self, other: &Self) -> Self {
+        self.combined(other, OverlayRule::Intersect)
+    }
+
+    /// Returns what is in this region and not in the other.
+    #[must_use]
+    pub fn without(&self, other: &Self) -> Self {
+        self.combined(other, OverlayRule::Difference)
+    }
+
+    /// Returns whether two regions differ by less than an area in mm².
+    #[must_use]
+    pub fn is_within(&self, area: f64, other: &Self) -> bool {
+        self.combined(other, OverlayRule::Xor).area() <= area
+    }
+
+    /// Returns the region with all points mapped.
+    #[must_use]
+    pub fn mapped(&self, point: impl Fn(Point) -> Point) -> Self {
+        let rings: Vec<Vec<Point>> = self
+            .rings
+            .iter()
+            .map(|ring| ring.iter().map(|at| point(*at)).collect())
+            .collect();
+        Self::new(&rings)
+    }
+
+    /// Returns the area in mm².
+    #[must_use]
+    pub fn area(&self) -> f64 {
+        self.edges().map(|[a, b]| 0.5 * cross(a, b)).sum::<f64>() + 0.0
+    }
+
+    /// Returns the centroid; `None` without area.
+    #[must_use]
+    pub fn centroid(&self) -> Option<Point> {
+        let area = self.area();
+        let sums = self.edges().fold([0.0; 2], |sums, [a, b]| {
+            let weight = cross(a, b) / 6.0;
+            [0, 1].map(|axis| sums[axis] + weight * (a[axis] + b[axis]))
+        });
+        (area > 0.0).then(|| sums.map(|sum| sum / area))
+    }
+
+    fn edges(&self) -> impl Iterator<Item = [Point; 2]> {
+        let of = |ring: &Vec<Point>| -> Vec<[Point; 2]> {
+            let next = ring.iter().cycle().skip(1);
+            ring.iter().zip(next).map(|(a, b)| [*a, *b]).collect()
+        };
+        self.rings.iter().flat_map(of)
+    }
+}
+
+fn cross(a: Point, b: Point) -> f64 {
+    a[0] * b[1] - a[1] * b[0]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square(low: f64, high: f64) -> Vec<Point> {
+        vec![[low, low], [high, low], [high, high], [low, high]]
+    }
+
+    #[test]
+    fn regions_are_combined_with_holes_and_corners() {
+        let (large, small) = (Polygons::new(&[square(0.0, 6.0)]), Polygons::new(&[square(2.0, 4.0)]));
+        let ring = large.without(&small);
+        assert_eq!(ring.rings().len(), 2);
+        assert!((ring.area() - 32.0).abs() < 1e-9);
+        assert_eq!(ring, Polygons::new(&[square(0.0, 6.0), square(2.0, 4.0)]));
+        assert!((ring.union(&small).area() - 36.0).abs() < 1e-9 && small.without(&large).is_empty());
+        let shifted = Polygons::new(&[square(3.0, 9.0)]);
+        assert!((large.intersection(&shifted).area() - 9.0).abs() < 1e-9);
+        let centroid = large.union(&shifted).centroid().unwrap();
+        assert!((centroid[0] - 4.5).abs() < 1e-9 && (centroid[1] - 4.5).abs() < 1e-9);
+        assert_eq!(Polygons::default().centroid(), None);
+        // A contour that crosses itself: both halves count, whatever their sense.
+        let bow = Polygons::new(&[vec![[0.0, 0.0], [2.0, 2.0], [2.0, 0.0], [0.0, 2.0]]]);
+        assert!((bow.area() - 2.0).abs() < 1e-9, "{}", bow.area());
+    }
+}
