@@ -8,8 +8,9 @@ use std::sync::Arc;
 
 use pulp::Simd;
 
-use deaflow_pattern::Pattern;
+use deaflow_pattern::{Part, Pattern};
 
+use super::fitted::MappedView;
 use super::grid::Grid;
 use super::lanes::{Value, Wide};
 #[cfg(doc)]
@@ -64,25 +65,34 @@ impl Activity {
     /// If a cell belongs to a group without share.
     #[must_use]
     pub fn of_groups(grid: &Grid, pattern: &Pattern, loads: &[f64]) -> Self {
-        Self::from_shares(grid, |x, y| load_of(pattern.group(x, y), loads))
+        if grid.follows_borders().is_none() {
+            return Self::from_shares(grid, |x, y| load_of(pattern.group(x, y), loads));
+        }
+        Self::from_elements(grid, |element| {
+            let of_pattern = || {
+                let [x, y] = grid.cell_of(element);
+                pattern.group(x, y)
+            };
+            load_of(grid.content(element).group.unwrap_or_else(of_pattern), loads)
+        })
     }
 
     /// Creates an activity from a share for each cell (column, row), with respect to which patterns are differentiated.
     #[must_use]
     pub fn from_shares(grid: &Grid, share: impl Fn(usize, usize) -> f64) -> Self {
         let layout = grid.layout();
-        let mut values = vec![0.0; layout.rows() * layout.part()];
+        let mut values = vec![0.0; layout.element_rows() * layout.part()];
         grid.write_activity(&share, &mut values);
         Self::of_values(grid, values)
     }
 
     /// Creates an activity from a share for each element (column, row).
     #[must_use]
-    pub fn from_elements(grid: &Grid, share: impl Fn(usize, usize) -> f64) -> Self {
+    pub fn from_elements(grid: &Grid, share: impl Fn([usize; 2]) -> f64) -> Self {
         let layout = grid.layout();
-        let mut values = vec![0.0; layout.rows() * layout.part()];
-        for [column, row] in layout.each_element() {
-            values[row * layout.part() + column] = share(column, row);
+        let mut values = vec![0.0; layout.element_rows() * layout.part()];
+        for [column, row] in grid.each_element() {
+            values[row * layout.part() + column] = share([column, row]);
         }
         Self::of_values(grid, values)
     }
@@ -121,7 +131,7 @@ impl Activity {
         let layout = grid.layout();
         let [columns, rows] = grid.elements();
         if grid.parts().is_some() {
-            for [column, row] in layout.each_element().filter(|element| !is_electric(grid, *element)) {
+            for [column, row] in grid.each_element().filter(|element| !is_electric(grid, *element)) {
                 values[row * layout.part() + column] = 0.0;
             }
         }
@@ -200,7 +210,7 @@ impl Activity {
     #[must_use]
     pub fn area(&self, [column, row]: [usize; 2]) -> f64 {
         let share = self.values.double()[row * self.grid.layout().part() + column];
-        share * self.grid.size(0, column) * self.grid.size(1, row)
+        share * self.grid.area_of([column, row])
     }
 
     /// Returns the data for kernels.
@@ -223,6 +233,7 @@ impl Activity {
                 .as_ref()
                 .map(|[widths, heights]| [T::of(widths), T::of(heights)]),
             is_uniform: self.grid.is_uniform(),
+            mapped: self.grid.follows_borders().map(|fitted| fitted.mapped().view()),
             memory: self.memory().map(|memory| (memory.view(), memory.weight)),
         }
     }
@@ -252,6 +263,8 @@ pub(super) struct View<'a, T> {
     pub sides: Option<[&'a [T]; 2]>,
     /// Whether all elements have equal sides.
     pub is_uniform: bool,
+    /// Mapped elements, if any.
+    pub mapped: Option<MappedView<'a, T>>,
     /// Coefficients of the additional energy, and their [`Memory::weight`].
     pub memory: Option<(&'a [T], f64)>,
 }
@@ -274,7 +287,6 @@ impl<T: Precision> View<'_, T> {
 }
 
 /// Returns whether an element (column, row) can have an electric field: not in frames and bodies.
-fn is_electric(grid: &Grid, [column, row]: [usize; 2]) -> bool {
-    let [along, across] = grid.per_cell();
-    grid.is_membrane(column / along, row / across)
+fn is_electric(grid: &Grid, element: [usize; 2]) -> bool {
+    grid.content(element).part == Part::Membrane
 }

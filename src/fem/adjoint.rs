@@ -5,12 +5,13 @@
 //! the activity S, so ∂R/∂S is the difference between the active and the bare stress.
 
 use deaflow_field::{Field, Order};
+use deaflow_pattern::Part;
 
 use super::effects::WithMaterial;
 use super::element::{Bilinear, Biquadratic, Element};
 use super::material::Material;
 use super::newton::{self, NewtonFailure, Workspace};
-use super::operator::{Activity, Operator, add_rest, scale_gradients, scale_stresses};
+use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
 
 /// Computes dJ/dS of each cell, `[y][x]`, for J = Σ weights · u over the cell corners, with u in units of
@@ -69,32 +70,26 @@ fn cells<E: Element<N>, L: Material, const N: usize>(
     u: &[f64],
     adjoint: &[f64],
 ) -> Vec<f64> {
-    let (layout, grid, side) = (operator.layout(), operator.activity.grid(), E::DEGREE + 1);
-    let (raster, [along, across]) = (grid.raster(), grid.per_cell());
+    let (grid, plane) = (operator.activity.grid(), u.len() / 2);
+    let raster = grid.raster();
     let mut gradient = vec![0.0; raster.cells()];
-    for [column, row] in layout.each_element() {
-        let local = |vector: &[f64]| -> [[f64; N]; 2] {
-            std::array::from_fn(|c| {
-                std::array::from_fn(|node| {
-                    vector[layout.index(c, column * E::DEGREE + node % side, row * E::DEGREE + node / side)]
-                })
-            })
-        };
-        let sides = grid.sides([column, row]);
-        let mut gradients = E::gradients(&local(u));
-        scale_gradients(&mut gradients, sides);
-        add_rest(&mut gradients, grid.rest());
-        let mut pull = gradients.map(|gradient| {
+    for element in grid.each_element() {
+        let nodes = grid.nodes_of::<N>(element);
+        let local = |vector: &[f64]| [0, 1].map(|c| nodes.map(|at| vector[at + c * plane]));
+        let pull = grid.gradients::<E, N>(element, &local(u)).map(|gradient| {
             let (active, bare) = (
                 operator.material.stress(gradient, 1.0),
                 operator.material.stress(gradient, 0.0),
             );
             std::array::from_fn(|i| std::array::from_fn(|k| active[i][k] - bare[i][k]))
         });
-        scale_stresses(&mut pull, sides);
-        let (forces, adjoint) = (E::forces(&pull), local(adjoint));
+        let (forces, adjoint) = (grid.forces::<E, N>(element, pull), local(adjoint));
         let work = |c: usize| -> f64 { forces[c].iter().zip(adjoint[c]).map(|(force, psi)| force * psi).sum() };
-        gradient[row / across * raster.columns() + column / along] -= work(0) + work(1);
+        // The rest of a cell in which a frame or body ends has no electrode.
+        if grid.follows_borders().is_none() || grid.content(element).part == Part::Membrane {
+            let [x, y] = grid.cell_of(element);
+            gradient[y * raster.columns() + x] -= work(0) + work(1);
+        }
     }
     gradient
 }

@@ -20,16 +20,22 @@ impl MembraneSolver {
             .collect()
     }
 
-    /// Returns the positions of the corners of elements along x and y, in mm.
+    /// Returns the positions without displacement in mm of the corners of elements, `[y][x]`.
     #[must_use]
-    pub fn corner_places(&self) -> [Vec<f64>; 2] {
+    pub fn corner_places(&self) -> Vec<[f64; 2]> {
         let (elements, size) = (self.grid.elements(), self.scene.membrane().size_mm);
-        [0, 1].map(|axis| {
-            let side = size[axis] / elements[axis] as f64;
-            (0..=elements[axis])
-                .map(|at| side * self.grid.start(axis, at))
-                .collect()
-        })
+        let (degree, unit) = (self.grid.layout().degree(), self.grid.unit_mm());
+        let [columns, rows] = elements.map(|count| count + 1);
+        let place = |corner: [usize; 2]| match self.grid.follows_borders() {
+            Some(_) => {
+                let position = self.grid.node_position(corner.map(|at| at * degree));
+                position.map(|at| unit * at)
+            }
+            None => [0, 1].map(|axis| size[axis] / elements[axis] as f64 * self.grid.start(axis, corner[axis])),
+        };
+        (0..columns * rows)
+            .map(|corner| place([corner % columns, corner / columns]))
+            .collect()
     }
 
     /// Simulates patterns and returns the states of their cells, `[y][x]`; `None` without a stable solution.

@@ -299,7 +299,7 @@ impl<L: Material, F: Fn(f64) -> L> System<'_, '_, F> {
 /// Returns the area of all electrodes on the prestretched membrane in m².
 fn electrode_area(activity: &Activity) -> f64 {
     let grid = activity.grid();
-    let elements = grid.layout().each_element().map(|element| activity.area(element));
+    let elements = grid.each_element().map(|element| activity.area(element));
     elements.sum::<f64>() * (1e-3 * grid.unit_mm()).powi(2)
 }
 
@@ -316,11 +316,11 @@ pub fn sprayed(activity: &Activity, scene: &Scene, charge: f64) -> Activity {
         0.0
     };
     let points = (layout.degree() + 1).pow(2);
-    let none = || vec![0.0; layout.rows() * points * NUMBERS * layout.part()];
+    let none = || vec![0.0; layout.element_rows() * points * NUMBERS * layout.part()];
     let mut values = activity
         .memory()
         .map_or_else(none, |memory| memory.view::<f64>().to_vec());
-    for (row, q) in (0..layout.rows()).flat_map(|row| (0..points).map(move |q| (row, q))) {
+    for (row, q) in (0..layout.element_rows()).flat_map(|row| (0..points).map(move |q| (row, q))) {
         let start = line(layout, points, row, q, NUMBERS - 1);
         let active = activity.at_point(row, q, points);
         let targets = values[start..][..layout.part()].iter_mut().zip(active);

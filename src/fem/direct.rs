@@ -5,13 +5,12 @@ use std::sync::Arc;
 use deaflow_base::is_interrupted;
 use deaflow_linalg::{Pair, SparseColMat, Sparsity};
 
-use super::element::{Bilinear, Biquadratic, Element, Line};
+use super::element::{Bilinear, Biquadratic, Element};
 use super::grid::Grid;
-use super::kinematics::{Tensor, add_scaled};
-use super::layout::NodeLayout;
+use super::kinematics::add_scaled;
 use super::material::Material;
 use super::memory;
-use super::operator::{Operator, add_rest, scale_gradients, scale_stresses};
+use super::operator::Operator;
 use super::supports::{Pose, Supports};
 use deaflow_field::Order;
 
@@ -67,8 +66,8 @@ impl Structure {
     pub(super) fn mass(&self, grid: &Grid, u: &[f64]) -> Option<SparseColMat<usize, f64>> {
         let poses = grid.poses(u);
         let mut entries = match grid.order() {
-            Order::Bilinear => assemble_mass::<2, 4>(&self.unknowns, grid, &Line::LINEAR, &poses),
-            Order::Biquadratic => assemble_mass::<3, 9>(&self.unknowns, grid, &Line::QUADRATIC, &poses),
+            Order::Bilinear => assemble_mass::<Bilinear, 4>(&self.unknowns, grid, &poses),
+            Order::Biquadratic => assemble_mass::<Biquadratic, 9>(&self.unknowns, grid, &poses),
         };
         entries.resize(entries.len() + 3 * self.unknowns.bodies(), 0.0);
         self.sparsity.matrix(&entries)
@@ -133,7 +132,7 @@ impl Factorisation {
 /// The unknowns of a grid: both components of each free node, row by row, then two translations and a rotation of each
 /// body.
 struct Unknowns {
-    layout: NodeLayout,
+    grid: Grid,
     supports: Option<Arc<Supports>>,
     /// Indices of the free nodes, for the first component.
     free: Vec<usize>,
@@ -188,7 +187,7 @@ impl Unknowns {
             }
         }
         Self {
-            layout,
+            grid: grid.clone(),
             supports,
             free,
             nodes,
@@ -235,16 +234,10 @@ impl Unknowns {
         vector
     }
 
-    /// Returns the unknowns that a component of a node (column, row) depends on, with their weights.
-    fn unknowns_of(
-        &self,
-        poses: &[Pose],
-        c: usize,
-        column: usize,
-        row: usize,
-    ) -> impl Iterator<Item = (usize, f64)> + use<> {
+    /// Returns the unknowns that a component of a node, given its index for the first, depends on, with their weights.
+    fn unknowns_of(&self, poses: &[Pose], c: usize, node: usize) -> impl Iterator<Item = (usize, f64)> + use<> {
         let none = (0, 0.0);
-        let (terms, count) = match self.nodes[self.layout.index(0, column, row)] {
+        let (terms, count) = match self.nodes[node] {
             Node::Fixed => ([none; 2], 0),
             Node::Free(free) => ([(2 * free + c, 1.0), none], 1),
             Node::Rigid(body, arm) => {
@@ -262,14 +255,11 @@ impl Unknowns {
         poses: &[Pose],
         mut visit: impl FnMut(([usize; 2], usize, usize), &mut dyn Iterator<Item = MatrixEntry>),
     ) {
-        let degree = self.layout.degree();
-        let side = degree + 1;
         let mut dependencies = Vec::new();
-        for [column, row] in self.layout.each_element() {
-            let position = |node: usize| (column * degree + node % side, row * degree + node / side);
+        for element in self.grid.each_element() {
+            let nodes = self.grid.nodes_of::<N>(element);
             let of = |at: usize| {
-                let (x, y) = position(at % N);
-                self.unknowns_of(poses, at / N, x, y)
+                self.unknowns_of(poses, at / N, nodes[at % N])
                     .map(move |(unknown, weight)| (at, unknown, weight))
             };
             dependencies.clear();
@@ -285,7 +275,7 @@ impl Unknowns {
                         weight: weight * own,
                     })
                 });
-                visit(([column, row], at / N, at % N), &mut entries);
+                visit((element, at / N, at % N), &mut entries);
             }
         }
     }
@@ -299,8 +289,7 @@ fn assemble<E: Element<N>, L: Material, const N: usize>(
     poses: &[Pose],
 ) -> Vec<f64> {
     let (layout, grid) = (operator.layout(), operator.activity.grid());
-    let side = E::DEGREE + 1;
-    let units = unit_gradients::<E, N>();
+    let plane = u.len() / 2;
     let mut sums = Vec::new();
     let mut gradients = [[[0.0; 2]; 2]; N];
     let mut current = None;
@@ -309,17 +298,14 @@ fn assemble<E: Element<N>, L: Material, const N: usize>(
         if entries.peek().is_none() {
             return;
         }
-        let sides = grid.sides([column, row]);
         if current.replace([column, row]) != Some([column, row]) {
-            let position = |node: usize| (column * E::DEGREE + node % side, row * E::DEGREE + node / side);
-            let value = |c, node| u[layout.index(c, position(node).0, position(node).1)];
-            gradients = E::gradients(&std::array::from_fn(|c| std::array::from_fn(|node| value(c, node))));
-            scale_gradients(&mut gradients, sides);
-            add_rest(&mut gradients, grid.rest());
+            let nodes = grid.nodes_of::<N>([column, row]);
+            gradients = grid.gradients::<E, N>([column, row], &[0, 1].map(|c| nodes.map(|at| u[at + c * plane])));
         }
-        let mut changes = units[c][node];
-        scale_gradients(&mut changes, sides);
-        let mut stresses = std::array::from_fn(|q| {
+        let mut unit = [[0.0; N]; 2];
+        unit[c][node] = 1.0;
+        let changes = grid.changes::<E, N>([column, row], &unit);
+        let stresses = std::array::from_fn(|q| {
             let active = operator.activity.at_point(row, q, N)[column];
             let of_material = operator.material.tangent(gradients[q], active, changes[q]);
             let Some(memory) = operator.activity.memory() else {
@@ -329,49 +315,25 @@ fn assemble<E: Element<N>, L: Material, const N: usize>(
             let numbers = std::array::from_fn(|at| numbers[memory::line(layout, N, row, q, at) + column]);
             add_scaled(of_material, 1.0, memory::tangent(numbers, gradients[q], changes[q]))
         });
-        scale_stresses(&mut stresses, sides);
-        let forces = E::forces(&stresses);
+        let forces = grid.forces::<E, N>([column, row], stresses);
         sums.extend(entries.map(|entry| entry.weight * forces[entry.force / N][entry.force % N]));
     });
     sums
 }
 
 /// Returns the entries of the consistent mass in the order of [`Unknowns::for_each_entry`].
-fn assemble_mass<const A: usize, const N: usize>(
-    unknowns: &Unknowns,
-    grid: &Grid,
-    line: &Line<A>,
-    poses: &[Pose],
-) -> Vec<f64> {
-    let shared: [[f64; A]; A] = std::array::from_fn(|a| {
-        std::array::from_fn(|b| {
-            let at = |q: usize| line.weights[q] * line.values[q][a] * line.values[q][b];
-            (0..A).map(at).sum()
-        })
-    });
+fn assemble_mass<E: Element<N>, const N: usize>(unknowns: &Unknowns, grid: &Grid, poses: &[Pose]) -> Vec<f64> {
     let mut sums = Vec::new();
+    let mut masses = (1.0, [[0.0; N]; N]);
+    let mut current = None;
     unknowns.for_each_entry::<N>(poses, |(element, c, node), entries| {
-        let area: f64 = grid.sides(element).iter().product();
-        sums.extend(entries.map(|entry| {
-            let (component, other) = (entry.force / N, entry.force % N);
-            let mass = shared[node % A][other % A] * shared[node / A][other / A];
-            if component == c {
-                entry.weight * area * mass
-            } else {
-                0.0
-            }
+        if current.replace(element) != Some(element) {
+            masses = grid.mass_of::<E, N>(element);
+        }
+        sums.extend(entries.map(|entry| match entry.force / N == c {
+            true => entry.weight * masses.0 * masses.1[node][entry.force % N],
+            false => 0.0,
         }));
     });
     sums
-}
-
-/// Returns ∇u at the points of an element for a unit displacement of each node, `[component][node][point]`.
-fn unit_gradients<E: Element<N>, const N: usize>() -> [[[Tensor<f64>; N]; N]; 2] {
-    std::array::from_fn(|c| {
-        std::array::from_fn(|node| {
-            let mut unit = [[0.0; N]; 2];
-            unit[c][node] = 1.0;
-            E::gradients(&unit)
-        })
-    })
 }

@@ -10,9 +10,10 @@ use super::lanes::Value;
 pub trait Element<const N: usize> {
     /// Polynomial degree.
     const DEGREE: usize;
-    /// Weights of the quadrature points, which add up to 1. The forces contain them; only tests read them.
-    #[cfg(test)]
+    /// Weights of the quadrature points, which add up to 1. The forces contain them.
     const WEIGHTS: [f64; N];
+    /// Returns the integrals of the products of two basis functions.
+    fn masses() -> [[f64; N]; N];
     /// Returns ∇u at each point from the nodal values of both components.
     #[inline(always)]
     fn gradients<V: Value>(nodal: &[[V; N]; 2]) -> [Tensor<V>; N] {
@@ -54,8 +55,11 @@ pub struct Bilinear;
 
 impl Element<4> for Bilinear {
     const DEGREE: usize = 1;
-    #[cfg(test)]
     const WEIGHTS: [f64; 4] = [0.25; 4];
+
+    fn masses() -> [[f64; 4]; 4] {
+        products(&Line::LINEAR)
+    }
 
     #[inline(always)]
     fn write_gradients<V: Value>(nodal: &[[V; 4]; 2], gradients: &mut [Tensor<V>; 4]) {
@@ -157,12 +161,15 @@ pub struct Biquadratic;
 
 impl Element<9> for Biquadratic {
     const DEGREE: usize = 2;
-    #[cfg(test)]
     const WEIGHTS: [f64; 9] = {
         let w = Line::QUADRATIC.weights;
         let [a, b, c] = w;
         [a * a, b * a, c * a, a * b, b * b, c * b, a * c, b * c, c * c]
     };
+
+    fn masses() -> [[f64; 9]; 9] {
+        products(&Line::QUADRATIC)
+    }
 
     #[inline(always)]
     fn write_gradients<V: Value>(nodal: &[[V; 9]; 2], gradients: &mut [Tensor<V>; 9]) {
@@ -211,6 +218,18 @@ impl Element<9> for Biquadratic {
         }
         forces
     }
+}
+
+/// Returns the integrals of the products of two functions, which are products of those of a line.
+fn products<const A: usize, const N: usize>(line: &Line<A>) -> [[f64; N]; N] {
+    let shared: [[f64; A]; A] = std::array::from_fn(|a| {
+        std::array::from_fn(|b| {
+            let at = |q: usize| line.weights[q] * line.values[q][a] * line.values[q][b];
+            (0..A).map(at).sum()
+        })
+    });
+    let mass = |a: usize, b: usize| shared[a % A][b % A] * shared[a / A][b / A];
+    std::array::from_fn(|a| std::array::from_fn(|b| mass(a, b)))
 }
 
 /// Writes the gradients times two factors, with an offset on the diagonal. The factors are applied to the slopes of the

@@ -1,5 +1,7 @@
 //! Errors of setting up a simulation.
 
+use super::fitted::FitFault;
+
 /// An error of setting up a simulation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SetupError {
@@ -123,6 +125,15 @@ pub enum SetupError {
         /// Column of that cell.
         x: usize,
     },
+    /// Borders that elements cannot follow.
+    #[error("elements cannot follow the curves of this device: {0}. Use smaller elements, or `curves: cells`")]
+    Borders(FitFault),
+    /// Elements that follow curves, with an incompatible setting.
+    #[error("elements follow no curves together with {with}: use `curves: cells`, or remove it")]
+    Curves {
+        /// The incompatible setting.
+        with: &'static str,
+    },
     /// Inertia without density.
     #[error("inertia needs a density: add `density` to `properties`")]
     Density,
@@ -178,6 +189,8 @@ impl SetupError {
                 | Self::Resistance { .. }
                 | Self::Leads
                 | Self::Island { .. }
+                | Self::Borders(_)
+                | Self::Curves { .. }
                 | Self::Density
                 | Self::NothingMoves
                 | Self::Steps { .. }

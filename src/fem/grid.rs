@@ -7,10 +7,15 @@
 use std::sync::Arc;
 
 use deaflow_field::{Mesh, Motion, Order};
-use deaflow_pattern::{Part, Parts, Raster};
+use deaflow_pattern::{Part, Parts, Polygons, Raster};
 
+use super::element::Element;
+use super::error::SetupError;
+use super::fitted::{Content, Fitted, MappedElement};
+use super::kinematics::Tensor;
 use super::lanes::Real;
 use super::layout::NodeLayout;
+use super::operator::{add_rest, scale_gradients, scale_stresses};
 use super::sheet::{Mount, Sheet};
 use super::supports::{Pose, Supports};
 
@@ -32,6 +37,8 @@ pub struct Grid {
     rest: [f64; 2],
     unit_mm: f64,
     parts: Option<Arc<Parts>>,
+    /// Nodes and elements that follow curved borders, if any.
+    fitted: Option<Arc<Fitted>>,
     supports: Option<Arc<Supports>>,
 }
 
@@ -100,12 +107,37 @@ impl Grid {
         Self::new(mesh.order(), sheet, strips.map(axis))
     }
 
+    /// Creates a grid of elements that are uniform but near the borders of the sheet, which they follow.
+    ///
+    /// # Errors
+    /// If they cannot.
+    pub fn fitted(mesh: Mesh, sheet: &Sheet) -> Result<Self, SetupError> {
+        let Some(borders) = &sheet.borders else {
+            return Ok(Self::uniform(mesh, sheet));
+        };
+        let mut grid = Self::without_supports(mesh.order(), sheet, [Axis::uniform(mesh.elements_per_cell()); 2]);
+        let elements = grid.elements();
+        let sides = [0, 1].map(|axis| sheet.membrane.size_mm[axis] / elements[axis] as f64);
+        let fitted =
+            Fitted::new(grid.layout(), sides, grid.sides, grid.per_cell(), borders).map_err(SetupError::Borders)?;
+        let part = |at: usize| grid.content([at % elements[0], at / elements[0]]).part;
+        if fitted.is_uniform(part) {
+            return Ok(Self::uniform(mesh, sheet));
+        }
+        grid.fitted = Some(Arc::new(fitted));
+        Ok(grid.with_supports(sheet))
+    }
+
     fn new(order: Order, sheet: &Sheet, axes: [Axis; 2]) -> Self {
+        Self::without_supports(order, sheet, axes).with_supports(sheet)
+    }
+
+    fn without_supports(order: Order, sheet: &Sheet, axes: [Axis; 2]) -> Self {
         let (cells, size) = (sheet.raster().sides(), sheet.membrane.size_mm);
         let [width, height] = [0, 1].map(|axis| size[axis] / (cells[axis] * axes[axis].count) as f64);
         let rest = sheet.distortion();
         let side = (width / height).sqrt() / rest[0];
-        let mut grid = Self {
+        Self {
             raster: sheet.raster(),
             order,
             axes,
@@ -113,15 +145,22 @@ impl Grid {
             rest,
             unit_mm: (width * height).sqrt(),
             parts: sheet.parts.clone(),
+            fitted: None,
             supports: None,
-        };
-        if let Some(parts) = &sheet.parts {
-            let mounts: Vec<Mount> = sheet.mounts.iter().map(|mount| mount.in_units(grid.unit_mm)).collect();
-            let position = |node| grid.node_position(node);
-            let supports = Supports::new(grid.layout(), grid.per_cell(), position, parts, &mounts);
-            grid.supports = Some(Arc::new(supports));
         }
-        grid
+    }
+
+    fn with_supports(mut self, sheet: &Sheet) -> Self {
+        if sheet.parts.is_some() {
+            let mounts: Vec<Mount> = sheet.mounts.iter().map(|mount| mount.in_units(self.unit_mm)).collect();
+            let borders = sheet.borders.as_ref().filter(|_| self.fitted.is_some());
+            let exact = borders.map(|borders| {
+                let centroids = borders.bodies.iter().filter_map(Polygons::centroid);
+                centroids.map(|centroid| centroid.map(|at| at / self.unit_mm)).collect()
+            });
+            self.supports = Some(Arc::new(Supports::new(&self, exact, &mounts)));
+        }
+        self
     }
 
     /// Returns the parts of the sheet; `None` if all cells are membrane.
@@ -211,6 +250,10 @@ impl Grid {
     /// Returns the position of a node (column, row) on the prestretched membrane, in units of [`Grid::unit_mm`].
     #[must_use]
     pub fn node_position(&self, node: [usize; 2]) -> [f64; 2] {
+        if let Some(fitted) = &self.fitted {
+            let position = fitted.position(self.layout(), node);
+            return [0, 1].map(|axis| position[axis] * self.sides[axis] * self.rest[axis]);
+        }
         let degree = self.layout().degree();
         [0, 1].map(|axis| {
             let (element, inner) = (node[axis] / degree, node[axis] % degree);
@@ -251,7 +294,165 @@ impl Grid {
     /// Returns the layout of vectors.
     #[must_use]
     pub fn layout(&self) -> NodeLayout {
-        NodeLayout::new(self.elements(), self.order)
+        let mapped_rows = self.fitted.as_ref().map_or(0, |fitted| fitted.mapped().rows());
+        NodeLayout::new(self.elements(), self.order).with_mapped_rows(mapped_rows)
+    }
+
+    /// Returns the nodes and elements that follow curved borders, if any.
+    #[must_use]
+    pub fn follows_borders(&self) -> Option<&Fitted> {
+        self.fitted.as_deref()
+    }
+
+    /// Returns all elements (column, row): those of the grid but for cells that are mapped, row by row, then the mapped
+    /// ones in the rows after them.
+    pub fn each_element(&self) -> impl Iterator<Item = [usize; 2]> + use<> {
+        let (layout, fitted) = (self.layout(), self.fitted.clone());
+        let count = fitted.as_ref().map_or(0, |fitted| fitted.mapped().elements().len());
+        let columns = layout.columns();
+        let regular = layout.each_element().filter(move |element| {
+            let regular = |fitted: &Arc<Fitted>| fitted.regular(layout, *element).is_some();
+            fitted.as_ref().is_none_or(regular)
+        });
+        let mapped = (0..count).map(move |at| [at % columns, layout.rows() + at / columns]);
+        regular.chain(mapped)
+    }
+
+    /// Returns a mapped element (column, row); `None` for one of the grid.
+    #[must_use]
+    fn mapped(&self, [column, row]: [usize; 2]) -> Option<&MappedElement> {
+        let layout = self.layout();
+        let number = row.checked_sub(layout.rows())? * layout.columns() + column;
+        self.fitted.as_ref()?.mapped().elements().get(number)
+    }
+
+    /// Returns the cell of an element (column, row).
+    #[must_use]
+    pub fn cell_of(&self, element: [usize; 2]) -> [usize; 2] {
+        let [column, row] = self.mapped(element).map_or(element, |mapped| mapped.place);
+        let [along, across] = self.per_cell();
+        [column / along, row / across]
+    }
+
+    /// Returns what an element (column, row) is made of.
+    #[must_use]
+    pub fn content(&self, element: [usize; 2]) -> Content {
+        let of_cell = || {
+            let [x, y] = self.cell_of(element);
+            Content {
+                part: self.parts().map_or(Part::Membrane, |parts| parts.at(x, y)),
+                group: None,
+            }
+        };
+        match (self.mapped(element), &self.fitted) {
+            (Some(mapped), _) => mapped.content,
+            (None, Some(fitted)) => fitted.regular(self.layout(), element).unwrap_or_else(of_cell),
+            (None, None) => of_cell(),
+        }
+    }
+
+    /// Returns the indices of the nodes of an element (column, row) for the first component.
+    #[must_use]
+    pub fn nodes_of<const N: usize>(&self, element: [usize; 2]) -> [usize; N] {
+        let layout = self.layout();
+        let [column, row] = self.mapped(element).map_or(element, |mapped| mapped.place);
+        let (degree, side) = (layout.degree(), layout.degree() + 1);
+        std::array::from_fn(|node| layout.index(0, column * degree + node % side, row * degree + node / side))
+    }
+
+    /// Returns the indices of the nodes that an element (column, row) depends on, for the first component.
+    #[must_use]
+    pub fn own_nodes(&self, element: [usize; 2]) -> Vec<usize> {
+        let layout = self.layout();
+        let all: Vec<usize> = match layout.degree() {
+            1 => self.nodes_of::<4>(element).to_vec(),
+            _ => self.nodes_of::<9>(element).to_vec(),
+        };
+        match self.mapped(element) {
+            Some(mapped) => all
+                .into_iter()
+                .zip(mapped.has_nodes(layout.degree()))
+                .filter_map(|(index, has)| has.then_some(index))
+                .collect(),
+            None => all,
+        }
+    }
+
+    /// Returns the area of each point of an element (column, row), given the weights of the points of a square.
+    #[must_use]
+    pub fn areas_of<const N: usize>(&self, element: [usize; 2], weights: [f64; N]) -> [f64; N] {
+        match (self.mapped(element), &self.fitted) {
+            (Some(_), Some(fitted)) => fitted.mapped().areas_of(self.layout(), element),
+            _ => {
+                let [width, height] = [0, 1].map(|axis| self.size(axis, element[axis]));
+                weights.map(|weight| weight * width * height)
+            }
+        }
+    }
+
+    /// Returns the area of an element (column, row), in units of the mean area of elements; 0 if its cell is mapped.
+    #[must_use]
+    pub fn area_of(&self, element: [usize; 2]) -> f64 {
+        let layout = self.layout();
+        match &self.fitted {
+            Some(fitted) if element[1] >= layout.rows() => fitted.mapped().area_of(layout, element),
+            Some(fitted) if fitted.regular(layout, element).is_none() => 0.0,
+            _ => self.size(0, element[0]) * self.size(1, element[1]),
+        }
+    }
+
+    /// Returns ∇u D at the points of an element (column, row), from its nodal values.
+    #[must_use]
+    pub fn changes<E: Element<N>, const N: usize>(
+        &self,
+        element: [usize; 2],
+        nodal: &[[f64; N]; 2],
+    ) -> [Tensor<f64>; N] {
+        if let (Some(_), Some(fitted)) = (self.mapped(element), &self.fitted) {
+            return fitted.mapped().gradients(self.layout(), element, nodal);
+        }
+        let mut gradients = E::gradients(nodal);
+        scale_gradients(&mut gradients, self.sides(element).map(f64::recip));
+        gradients
+    }
+
+    /// Returns f − I at the points of an element (column, row), from its nodal displacements.
+    #[must_use]
+    pub fn gradients<E: Element<N>, const N: usize>(
+        &self,
+        element: [usize; 2],
+        nodal: &[[f64; N]; 2],
+    ) -> [Tensor<f64>; N] {
+        let mut gradients = self.changes::<E, N>(element, nodal);
+        add_rest(&mut gradients, self.rest());
+        gradients
+    }
+
+    /// Returns the consistent masses of pairs of nodes of an element (column, row) for the density 1, as a factor and a
+    /// matrix.
+    #[must_use]
+    pub fn mass_of<E: Element<N>, const N: usize>(&self, element: [usize; 2]) -> (f64, [[f64; N]; N]) {
+        let Some(mapped) = self.mapped(element) else {
+            return (self.sides(element).iter().product(), E::masses());
+        };
+        let areas = self.areas_of(element, E::WEIGHTS);
+        let values: [[f64; N]; N] = mapped.values_at_points(E::DEGREE);
+        let mass = |a: usize, b: usize| (0..N).map(|q| areas[q] * values[q][a] * values[q][b]).sum();
+        (1.0, std::array::from_fn(|a| std::array::from_fn(|b| mass(a, b))))
+    }
+
+    /// Returns the nodal forces of the stresses at the points of an element (column, row).
+    #[must_use]
+    pub fn forces<E: Element<N>, const N: usize>(
+        &self,
+        element: [usize; 2],
+        mut stresses: [Tensor<f64>; N],
+    ) -> [[f64; N]; 2] {
+        if let (Some(_), Some(fitted)) = (self.mapped(element), &self.fitted) {
+            return fitted.mapped().forces(self.layout(), element, &stresses);
+        }
+        scale_stresses(&mut stresses, self.sides(element));
+        E::forces(&stresses)
     }
 
     /// Returns the root of the mean area of elements in mm, which is the unit of displacements.
@@ -269,7 +470,7 @@ impl Grid {
     /// Returns whether all elements have the same size.
     #[must_use]
     pub fn is_uniform(&self) -> bool {
-        self.axes.iter().all(|axis| axis.sizes.is_none())
+        self.fitted.is_none() && self.axes.iter().all(|axis| axis.sizes.is_none())
     }
 
     /// Returns f at rest.

@@ -24,7 +24,7 @@ use crate::memory::{self, MODULI_WITH_MEMORY};
 use crate::precision::Precision;
 use crate::registers::{self, dispatch, dispatch_widest};
 pub(crate) use gather::{add_rest, scale_gradients, scale_stresses, stress_at_rest};
-use gather::{gather, sides};
+use gather::{gather, mapped_forces, scatter, sides, write_mapped_gradients};
 use point::{
     MemoryBetween, MemoryStress, Point, RelaxedTangentDerivative, StressAt, StressAtRest, StressBetween, TangentAt,
     TangentAtRest, TangentFrom, TangentWithMemory,
@@ -151,7 +151,7 @@ impl<'a, L: MaterialPoint> Kernels<'a, L> {
             None => MODULI,
             Some(_) => MODULI_WITH_MEMORY,
         };
-        moduli.resize(layout.rows() * layout.part() * N * per_point, T::default());
+        moduli.resize(layout.element_rows() * layout.part() * N * per_point, T::default());
         let survey = self.survey::<E, T, N>(u);
         self.survey_with(Store { survey, moduli });
     }
@@ -318,18 +318,47 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
         let factors = [width.recip(), height.recip()];
         let mut gradients = [[[Wide::splat(simd, 0.0); 2]; 2]; N];
         let mut changes = gradients;
-        for row in 0..self.layout.rows() {
+        let rows = if SHAPE == VARIED {
+            self.layout.element_rows()
+        } else {
+            self.layout.rows()
+        };
+        for row in 0..rows {
+            let is_mapped = SHAPE == VARIED && row >= self.layout.rows();
             for first in (0..self.layout.columns()).step_by(T::lanes::<S>()) {
                 let zero = Wide::splat(simd, 0.0);
                 let sides = match self.activity.sides {
-                    Some(all) if SHAPE == VARIED => sides(simd, all, first, row),
+                    Some(all) if SHAPE == VARIED && !is_mapped => sides(simd, all, first, row),
                     _ => [Wide::splat(simd, 1.0); 2],
+                };
+                // 0 for elements of cells that are mapped: they are at rest, and without forces.
+                let unmapped = match self.activity.mapped {
+                    Some(mapped) if SHAPE == VARIED && !is_mapped => {
+                        Wide::load(simd, &mapped.unmapped[row * self.layout.part() + first..])
+                    }
+                    _ => Wide::splat(simd, 1.0),
                 };
                 // Not a loop: it would not be unrolled, and gradients in memory would cost a third of a tangent
                 // product.
-                self.gradients(simd, (first, row), 0, factors, self.rest, sides, &mut gradients);
+                self.gradients(
+                    simd,
+                    (first, row),
+                    0,
+                    factors,
+                    self.rest,
+                    (sides, unmapped),
+                    &mut gradients,
+                );
                 if M > 1 {
-                    self.gradients(simd, (first, row), 1, factors, [1.0; 2], sides, &mut changes);
+                    self.gradients(
+                        simd,
+                        (first, row),
+                        1,
+                        factors,
+                        [1.0; 2],
+                        (sides, unmapped),
+                        &mut changes,
+                    );
                 }
                 if SHAPE == VARIED {
                     add_rest(&mut gradients, self.rest);
@@ -367,17 +396,26 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
                     }
                     gradients[q] = stress;
                 }
+                if is_mapped {
+                    if let Some(mapped) = self.activity.mapped {
+                        let forces = mapped_forces(simd, self.layout, mapped, [first, row], &gradients);
+                        scatter(self.layout, mapped, [first, row], &forces, self.out);
+                    }
+                    continue;
+                }
                 let forces = if SHAPE == UNIFORM {
                     E::forces_on(&gradients, [height, width])
                 } else {
                     if SHAPE == VARIED {
-                        scale_stresses(&mut gradients, sides);
+                        scale_stresses(&mut gradients, sides.map(|side| side * unmapped));
                     }
                     E::forces(&gradients)
                 };
                 self.write(&forces, first);
             }
-            self.collect(simd, row);
+            if !is_mapped {
+                self.collect(simd, row);
+            }
         }
         smallest.smallest()
     }
@@ -398,16 +436,22 @@ impl<E: Element<N>, T: Precision, P, const N: usize, const M: usize, const SHAPE
         field: usize,
         factors: [f64; 2],
         rest: [f64; 2],
-        sides: [Wide<S, T>; 2],
+        (sides, unmapped): ([Wide<S, T>; 2], Wide<S, T>),
         gradients: &mut [Tensor<Wide<S, T>>; N],
     ) {
+        if SHAPE == VARIED && row >= self.layout.rows() {
+            if let Some(mapped) = self.activity.mapped {
+                write_mapped_gradients(simd, self.layout, mapped, self.inputs[field], [first, row], gradients);
+            }
+            return;
+        }
         let nodal = gather::<E, S, T, N>(simd, self.layout, self.inputs[field], first, row);
         match SHAPE {
             PLAIN => E::write_gradients(&nodal, gradients),
             UNIFORM => E::write_gradients_on(&nodal, factors, [rest[0] - 1.0, rest[1] - 1.0], gradients),
             _ => {
                 E::write_gradients(&nodal, gradients);
-                scale_gradients(gradients, sides);
+                scale_gradients(gradients, sides.map(|side| side.recip() * unmapped));
             }
         }
     }

@@ -13,6 +13,8 @@ use super::lanes::{Real, WIDEST};
 pub struct NodeLayout {
     elements: [usize; 2],
     degree: usize,
+    /// Rows of mapped elements.
+    mapped_rows: usize,
 }
 
 impl NodeLayout {
@@ -23,7 +25,24 @@ impl NodeLayout {
             Order::Bilinear => 1,
             Order::Biquadratic => 2,
         };
-        Self { elements, degree }
+        Self {
+            elements,
+            degree,
+            mapped_rows: 0,
+        }
+    }
+
+    /// Adds rows of mapped elements after those of the grid.
+    #[must_use]
+    pub const fn with_mapped_rows(self, mapped_rows: usize) -> Self {
+        Self { mapped_rows, ..self }
+    }
+
+    /// Returns the number of rows of elements, with those of mapped elements.
+    #[inline(always)]
+    #[must_use]
+    pub fn element_rows(&self) -> usize {
+        self.elements[1] + self.mapped_rows
     }
 
     /// Returns the number of columns of elements.

@@ -2,13 +2,11 @@
 //!
 //! All quantities are dimensionless: stress is divided by μλp², lengths by the side of an element. So two numbers
 //! describe a scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ; for unequal prestretch, λp is √(λ₁λ₂) as described in
-//! [`grid`]. The modules follow the method, from the point to the result: kinematics, energy and effects; sheet, grid,
-//! element, layout, sampling and lanes; operator; gemm, modes and precondition; krylov, work, newton, direct and
+//! [`grid`]. The modules follow the method, from the point to the result: kinematics, energy and effects; sheet,
+//! fitted, grid, element, layout, sampling and lanes; operator; gemm, modes and precondition; krylov, work, newton, direct and
 //! dynamic_stiffness; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response,
 //! margin, path, fully_active, critical, limit, observable, gradient_evaluator and safety_margins; evaluator, which
 //! implements the traits of `field`; simulators and screening.
-//! limit, observable, gradient_evaluator and safety_margins; evaluator, which puts every method behind the traits of
-//! `field`, simulators, and screening.
 
 mod accurate;
 pub mod activity;
@@ -28,6 +26,7 @@ mod element;
 pub mod energy;
 mod error;
 mod evaluator;
+mod fitted;
 mod fully_active;
 mod gemm;
 mod gradient_evaluator;

@@ -1,12 +1,12 @@
 //! The mass matrix of a membrane: density times area, in units in which both are 1.
 //!
-//! On a tensor-product mesh it is M⊗M with the one-dimensional mass matrices. The image is projected onto admissible
+//! On rectangles it is M⊗M with the one-dimensional mass matrices; with mapped elements it is assembled. The image is projected onto admissible
 //! motions like any force: a body is as heavy as the membrane in its place.
 
 use crate::registers::dispatch;
 use deaflow_linalg::Mat;
 
-use super::element::Line;
+use super::element::{Bilinear, Biquadratic, Element, Line};
 use super::grid::Grid;
 use super::lanes::Real;
 use super::layout::NodeLayout;
@@ -20,7 +20,15 @@ const REACH: usize = 2;
 type Band = [f64; 2 * REACH + 1];
 
 /// The mass matrix of a grid.
-pub struct Mass {
+pub enum Mass {
+    /// Of a grid of rectangles.
+    Product(Product),
+    /// Of a grid that follows borders.
+    Sparse(Sparse),
+}
+
+/// The mass matrix of a grid of rectangles: a product of one along x and one along y.
+pub struct Product {
     layout: NodeLayout,
     /// Along x, for each offset from the diagonal, the entries of all interior nodes.
     along: [Vec<f64>; 2 * REACH + 1],
@@ -30,10 +38,69 @@ pub struct Mass {
     places: Vec<usize>,
 }
 
+/// The mass matrix of a grid that follows borders, row by row.
+pub struct Sparse {
+    layout: NodeLayout,
+    /// For each node, by its index for the first component, the indices of the nodes of its row with their entries.
+    rows: Vec<Vec<(usize, f64)>>,
+}
+
 impl Mass {
     /// Creates the consistent or the lumped mass matrix of a grid.
     #[must_use]
     pub fn new(grid: &Grid, lumped: bool) -> Self {
+        match (grid.follows_borders(), grid.order()) {
+            (None, _) => Self::Product(Product::new(grid, lumped)),
+            (Some(_), Order::Bilinear) => Self::Sparse(Sparse::new::<Bilinear, 4>(grid, lumped)),
+            (Some(_), Order::Biquadratic) => Self::Sparse(Sparse::new::<Biquadratic, 9>(grid, lumped)),
+        }
+    }
+
+    /// Multiplies with a vector, at interior nodes.
+    pub fn apply<T: Real>(&self, vector: &[T], out: &mut [T]) {
+        match self {
+            Self::Product(product) => product.apply(vector, out),
+            Self::Sparse(sparse) => sparse.apply(vector, out),
+        }
+    }
+}
+
+impl Sparse {
+    fn new<E: Element<N>, const N: usize>(grid: &Grid, lumped: bool) -> Self {
+        let layout = grid.layout();
+        let mut rows: Vec<Vec<(usize, f64)>> = vec![Vec::new(); layout.vector_len() / 2];
+        for element in grid.each_element() {
+            let (nodes, (factor, masses)) = (grid.nodes_of::<N>(element), grid.mass_of::<E, N>(element));
+            for (node, masses) in nodes.iter().zip(masses) {
+                for (other, mass) in nodes.iter().zip(masses).filter(|(_, mass)| *mass != 0.0) {
+                    let mass = factor * mass;
+                    let column = if lumped { node } else { other };
+                    let row = &mut rows[*node];
+                    match row.iter_mut().find(|(at, _)| at == column) {
+                        Some((_, sum)) => *sum += mass,
+                        None => row.push((*column, mass)),
+                    }
+                }
+            }
+        }
+        Self { layout, rows }
+    }
+
+    fn apply<T: Real>(&self, vector: &[T], out: &mut [T]) {
+        let plane = self.rows.len();
+        for c in 0..2 {
+            let vector = &vector[c * plane..][..plane];
+            for (out, row) in out[c * plane..][..plane].iter_mut().zip(&self.rows) {
+                let sum: f64 = row.iter().map(|(at, mass)| mass * vector[*at].to_f64()).sum();
+                *out = T::from_f64(sum);
+            }
+        }
+        self.layout.clear_frame(out);
+    }
+}
+
+impl Product {
+    fn new(grid: &Grid, lumped: bool) -> Self {
         let layout = grid.layout();
         let [along, across] = [0, 1].map(|axis| {
             let size = |at: usize| grid.sides([at; 2])[axis];
@@ -57,8 +124,7 @@ impl Mass {
         }
     }
 
-    /// Multiplies with a vector, at interior nodes.
-    pub fn apply<T: Real>(&self, vector: &[T], out: &mut [T]) {
+    fn apply<T: Real>(&self, vector: &[T], out: &mut [T]) {
         dispatch(
             #[inline(always)]
             || self.apply_here(vector, out),
@@ -187,7 +253,7 @@ mod tests {
     fn lumped_masses_add_up_to_those_that_are_not_on_the_edge() {
         for (mesh, edge) in [(Mesh::bilinear(1), 0.5), (Mesh::biquadratic(1), 1.0 / 6.0)] {
             let grid = Grid::paper(mesh);
-            let mass = Mass::new(&grid, true);
+            let mass = Product::new(&grid, true);
             let length = grid.elements()[0] as f64;
             let sum: f64 = mass.along[REACH].iter().sum();
             assert!((sum - (length - 2.0 * edge)).abs() < 1e-12, "{mesh}: {sum}");

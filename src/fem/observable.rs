@@ -3,14 +3,15 @@
 //! They are those of the mean deformation gradient of a cell. Stresses at points near a corner of an electrode increase
 //! without limit under mesh refinement; those of the mean do not.
 
-use deaflow_field::Mesh;
-use deaflow_pattern::Pattern;
+use deaflow_field::{Mesh, Order};
+use deaflow_pattern::{Part, Pattern};
 use deaflow_scene::Scene;
 
 use super::effects::{Model, WithMaterial};
+use super::element::{Bilinear, Biquadratic, Element};
 use super::error::SetupError;
 use super::grid::Grid;
-use super::kinematics::{Tensor, determinant, squared_stretches};
+use super::kinematics::{Tensor, deformation, determinant, squared_stretches};
 use super::material::Material;
 use super::operator::{Activity, load_of};
 
@@ -61,7 +62,7 @@ pub struct CellState {
 /// If the effects of the scene cannot be simulated.
 pub fn cell_states(scene: &Scene, mesh: Mesh, pattern: &Pattern, u: &[f64]) -> Result<Vec<CellState>, SetupError> {
     let model = Model::new(scene)?;
-    Ok(states(scene, &model, &model.grid(mesh), pattern, u))
+    Ok(states(scene, &model, &model.grid(mesh)?, pattern, u))
 }
 
 /// Like [`cell_states`], for a given model and grid.
@@ -97,11 +98,25 @@ impl WithMaterial for States<'_> {
             voltage: self.scene.voltage_v(),
             thickness: 1e-3 * self.scene.thickness_mm(),
         };
-        let cells = (0..raster.cells()).map(|i| (i % raster.columns(), i / raster.columns()));
-        cells
+        let cells = match grid.order() {
+            Order::Bilinear => mapped_cells::<Bilinear, 4>(self.activity, self.u),
+            Order::Biquadratic => mapped_cells::<Biquadratic, 9>(self.activity, self.u),
+        };
+        let places = (0..raster.cells()).map(|i| (i % raster.columns(), i / raster.columns()));
+        places
             .map(|(x, y)| {
-                let f = mean_deformation(grid, &integrals, self.u, x, y);
-                self.state(&material, &scale, f, [x, y])
+                let cell = match cells.get(y * raster.columns() + x) {
+                    Some(sums) => sums.mean(grid.rest()),
+                    None => Cell {
+                        f: mean_deformation(grid, &integrals, self.u, x, y),
+                        share: self.share(x, y),
+                        load: match grid.is_membrane(x, y) {
+                            true => load_of(self.pattern.group(x, y), self.loads),
+                            false => 0.0,
+                        },
+                    },
+                };
+                self.state(&material, &scale, cell)
             })
             .collect()
     }
@@ -121,24 +136,19 @@ struct Scale {
 }
 
 impl States<'_> {
-    fn state<L: Material>(&self, material: &L, scale: &Scale, f: Tensor<f64>, [x, y]: [usize; 2]) -> CellState {
+    fn state<L: Material>(&self, material: &L, scale: &Scale, Cell { f, share, load }: Cell) -> CellState {
         let &Scale {
             prestretch,
             modulus,
             voltage,
             thickness,
         } = scale;
-        let stress = material.stress([[f[0][0] - 1.0, f[0][1]], [f[1][0], f[1][1] - 1.0]], self.share(x, y));
+        let stress = material.stress([[f[0][0] - 1.0, f[0][1]], [f[1][0], f[1][1] - 1.0]], share);
         let rest = material.self_stress(f);
         let unit = modulus * prestretch;
         let piola = std::array::from_fn(|i| std::array::from_fn(|k| unit * (stress[i][k] + rest[i][k])));
         let stresses = principal_stresses(piola, f.map(|row| row.map(|v| prestretch * v)));
-        let load = load_of(self.pattern.group(x, y), self.loads);
-        let nominal = if load > 0.0 && self.activity.grid().is_membrane(x, y) {
-            voltage * load.sqrt() / thickness
-        } else {
-            0.0
-        };
+        let nominal = voltage * load.sqrt() / thickness;
         CellState {
             stretches: squared_stretches(f).map(|s| prestretch * s.sqrt()),
             electric_field: nominal * prestretch * prestretch * determinant(f),
@@ -159,6 +169,70 @@ impl States<'_> {
         let area: f64 = elements.map(|element| self.activity.area(element)).sum();
         area / (m * n) as f64
     }
+}
+
+/// Means over the membrane in a cell.
+struct Cell {
+    f: Tensor<f64>,
+    /// Activity.
+    share: f64,
+    /// Share of the load of its strongest electrode.
+    load: f64,
+}
+
+/// Sums over the membrane in a cell.
+#[derive(Clone, Copy, Debug, Default)]
+struct CellSums {
+    area: f64,
+    active: f64,
+    strongest: f64,
+    /// f times area.
+    deformation: Tensor<f64>,
+}
+
+impl CellSums {
+    /// Returns the means; those at rest without any membrane.
+    fn mean(&self, [along, across]: [f64; 2]) -> Cell {
+        let has_membrane = self.area > 0.0;
+        let rest = [[along, 0.0], [0.0, across]];
+        Cell {
+            f: match has_membrane {
+                true => self.deformation.map(|row| row.map(|sum| sum / self.area)),
+                false => rest,
+            },
+            share: if has_membrane { self.active / self.area } else { 0.0 },
+            load: self.strongest,
+        }
+    }
+}
+
+/// Returns the sums of cells, `[y][x]`, on a grid that follows borders; none on another.
+fn mapped_cells<E: Element<N>, const N: usize>(activity: &Activity, u: &[f64]) -> Vec<CellSums> {
+    let (grid, plane) = (activity.grid(), u.len() / 2);
+    if grid.follows_borders().is_none() {
+        return Vec::new();
+    }
+    let raster = grid.raster();
+    let mut cells = vec![CellSums::default(); raster.cells()];
+    for element in grid
+        .each_element()
+        .filter(|element| grid.content(*element).part == Part::Membrane)
+    {
+        let [x, y] = grid.cell_of(element);
+        let cell = &mut cells[y * raster.columns() + x];
+        let nodes = grid.nodes_of::<N>(element);
+        let gradients = grid.gradients::<E, N>(element, &[0, 1].map(|c| nodes.map(|at| u[at + c * plane])));
+        for (gradient, area) in gradients.into_iter().zip(grid.areas_of(element, E::WEIGHTS)) {
+            let f = deformation(gradient);
+            cell.area += area;
+            for (sum, row) in cell.deformation.iter_mut().zip(f) {
+                *sum = [sum[0] + area * row[0], sum[1] + area * row[1]];
+            }
+        }
+        cell.active += activity.area(element);
+        cell.strongest = cell.strongest.max(activity.strongest(element[1])[element[0]]);
+    }
+    cells
 }
 
 /// Returns the principal values of σ = P Fᵀ, larger first, for an incompressible membrane.

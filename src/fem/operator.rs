@@ -238,6 +238,6 @@ pub fn metrics(activity: &Activity, u: &[f64]) -> Vec<f64> {
 pub fn write_metrics(activity: &Activity, u: &[f64], values: &mut Vec<f64>) {
     let layout = activity.grid().layout();
     let points = (layout.degree() + 1).pow(2);
-    values.resize(layout.rows() * points * memory::NUMBERS * layout.part(), 0.0);
+    values.resize(layout.element_rows() * points * memory::NUMBERS * layout.part(), 0.0);
     without_material(activity).metrics(u, values);
 }

@@ -55,7 +55,7 @@ impl LinearResponse {
     /// As [`LinearResponse::new`].
     pub(super) fn with_unrelaxed(scene: &Scene, gamma: f64, mesh: Mesh) -> Result<Self, SetupError> {
         let model = Model::new(scene)?.with_unrelaxed(gamma);
-        let grid = model.grid(checked(mesh)?);
+        let grid = model.grid(checked(mesh)?)?;
         let response = Self {
             half_active: model.add_unrelaxed(Activity::from_shares(&grid, |_, _| 0.5)),
             model,

@@ -3,6 +3,7 @@
 use deaflow_base::Stream;
 use deaflow_field::Field;
 
+use super::fitted::Fitted;
 use super::grid::Grid;
 use super::lanes::Real;
 #[cfg(doc)]
@@ -13,12 +14,21 @@ impl Grid {
     pub fn write_activity<T: Real>(&self, share: impl Fn(usize, usize) -> f64, activity: &mut [T]) {
         let (layout, [along, across]) = (self.layout(), self.per_cell());
         let part = layout.part();
-        for (cell_row, rows) in activity.chunks_exact_mut(across * part).enumerate() {
+        let (regular, mapped) = activity.split_at_mut(layout.rows() * part);
+        for (cell_row, rows) in regular.chunks_exact_mut(across * part).enumerate() {
             let (first, others) = rows.split_at_mut(part);
             for (cell, elements) in first[..layout.columns()].chunks_exact_mut(along).enumerate() {
                 elements.fill(T::from_f64(share(cell, cell_row)));
             }
             others.chunks_exact_mut(part).for_each(|row| row.copy_from_slice(first));
+        }
+        if mapped.is_empty() {
+            return;
+        }
+        regular.fill(T::default());
+        for element in self.each_element() {
+            let ([x, y], [column, row]) = (self.cell_of(element), element);
+            activity[row * part + column] = T::from_f64(share(x, y));
         }
     }
 
@@ -38,6 +48,7 @@ impl Grid {
             let (c, x, y) = (at % 2, at / 2 % columns, at / 2 / columns);
             vector[self.corner(c, x, y)] = *value;
         }
+        self.spread_moved(corners, &mut vector);
         self.restrict(u, &mut vector);
         vector
     }
@@ -70,7 +81,35 @@ impl Grid {
                 }
             }
         }
+        self.sample_moved(vector, &mut values);
         Field::from_values(self.raster(), values).expect("a solution is finite")
+    }
+
+    /// Computes the displacement at cell corners whose node is elsewhere.
+    fn sample_moved(&self, vector: &[f64], values: &mut [f64]) {
+        let ([columns, _], plane) = (self.raster().corner_sides(), vector.len() / 2);
+        for moved in self.follows_borders().into_iter().flat_map(Fitted::interpolations) {
+            let [x, y] = moved.corner;
+            for c in 0..2 {
+                let terms = moved.weights.iter().map(|(at, weight)| weight * vector[at + c * plane]);
+                values[2 * (y * columns + x) + c] = self.unit_mm() * terms.sum::<f64>();
+            }
+        }
+    }
+
+    /// Adds the forces at cell corners whose node is elsewhere: the transpose of [`Self::sample_moved`].
+    fn spread_moved(&self, corners: &Field, vector: &mut [f64]) {
+        let plane = vector.len() / 2;
+        let moved = || self.follows_borders().into_iter().flat_map(Fitted::interpolations);
+        for [x, y] in moved().map(|moved| moved.corner) {
+            (0..2).for_each(|c| vector[self.corner(c, x, y)] = 0.0);
+        }
+        for moved in moved() {
+            let force = corners.at_corner(moved.corner[0], moved.corner[1]);
+            for (at, weight) in &moved.weights {
+                (0..2).for_each(|c| vector[at + c * plane] += weight * force[c]);
+            }
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use deaflow_pattern::{Membrane, Parts, Raster};
+use deaflow_pattern::{Borders, Membrane, Parts, Raster};
 use deaflow_scene::Scene;
 
 /// Forces on a rigid body.
@@ -34,6 +34,8 @@ pub struct Sheet {
     pub prestretch: [f64; 2],
     /// Parts of the sheet; `None` if all cells are membrane.
     pub parts: Option<Arc<Parts>>,
+    /// Their exact borders, where elements follow them.
+    pub borders: Option<Arc<Borders>>,
     /// Forces on each body.
     pub mounts: Vec<Mount>,
 }
@@ -56,6 +58,7 @@ impl Sheet {
             membrane: scene.membrane(),
             prestretch: scene.prestretch(),
             parts: scene.parts(),
+            borders: scene.borders(),
             mounts: mounts(scene),
         }
     }
@@ -83,6 +86,7 @@ impl Sheet {
             membrane: Membrane::square(50.0),
             prestretch: [3.0; 2],
             parts: None,
+            borders: None,
             mounts: Vec::new(),
         }
     }

@@ -137,7 +137,7 @@ impl MembraneSolver {
         if !(1e-12..=1e-2).contains(&tolerance) {
             return Err(SetupError::Tolerance { found: tolerance });
         }
-        let grid = model.grid(checked(mesh)?);
+        let grid = model.grid(checked(mesh)?)?;
         Self::of_grid(scene, model, mesh, grid, tolerance)
     }
 

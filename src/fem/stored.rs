@@ -43,6 +43,12 @@ impl Units {
 #[must_use]
 pub fn integral(activity: &Activity, at_points: &[f64]) -> f64 {
     let (grid, layout) = (activity.grid(), activity.grid().layout());
+    if grid.follows_borders().is_some() {
+        return match grid.order() {
+            Order::Bilinear => integral_of_elements::<4>(activity, at_points),
+            Order::Biquadratic => integral_of_elements::<9>(activity, at_points),
+        };
+    }
     integral_of_rows(activity, |line| {
         let values = &at_points[line * layout.part()..][..layout.columns()];
         let each = values.iter().enumerate();
@@ -50,7 +56,21 @@ pub fn integral(activity: &Activity, at_points: &[f64]) -> f64 {
     })
 }
 
-/// Integrates, given the sum over the elements of a row, times their widths, for each of their points.
+/// Integrates as [`integral`], element by element.
+fn integral_of_elements<const N: usize>(activity: &Activity, at_points: &[f64]) -> f64 {
+    let (grid, part) = (activity.grid(), activity.grid().layout().part());
+    let weights = weights(grid.order());
+    let weights: [f64; N] = std::array::from_fn(|q| weights[q]);
+    let each = grid.each_element().map(|[column, row]| {
+        let areas = grid.areas_of([column, row], weights);
+        let values = (0..N).map(|q| areas[q] * at_points[(row * N + q) * part + column]);
+        values.sum::<f64>()
+    });
+    each.sum()
+}
+
+/// Integrates over a grid without mapped elements, given the sum over the elements of a row, times their widths, for
+/// each of their points.
 #[must_use]
 pub fn integral_of_rows(activity: &Activity, sum: impl Fn(usize) -> f64) -> f64 {
     let grid = activity.grid();

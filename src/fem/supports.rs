@@ -7,10 +7,11 @@
 //! rotate with it: neither their energy, which is that of bare membrane, nor the forces on the body depend on the
 //! rotation.
 
+use super::grid::Grid;
 use super::lanes::Real;
 use super::layout::NodeLayout;
 use super::sheet::Mount;
-use deaflow_pattern::{Part, Parts};
+use deaflow_pattern::Part;
 
 /// The constrained nodes of a grid.
 #[derive(Clone, Debug, PartialEq)]
@@ -96,28 +97,19 @@ impl Pose {
 }
 
 impl Supports {
-    /// Creates the supports of nodes with this layout. `per_cell` are the elements along the sides of a cell, and
-    /// `position` is that of a node (column, row) in units of the grid.
+    /// Creates the supports of a grid. `centroids` are the exact ones of bodies in units of the grid; without them they
+    /// are those of the cells.
     #[must_use]
-    pub fn new(
-        layout: NodeLayout,
-        per_cell: [usize; 2],
-        position: impl Fn([usize; 2]) -> [f64; 2],
-        parts: &Parts,
-        mounts: &[Mount],
-    ) -> Self {
-        let owners = Owners {
-            parts,
-            layout,
-            step: per_cell.map(|count| count * layout.degree()),
-        };
+    pub fn new(grid: &Grid, centroids: Option<Vec<[f64; 2]>>, mounts: &[Mount]) -> Self {
+        let layout = grid.layout();
+        let owners = Owners::new(grid);
         let mut supports = Self {
             plane: layout.vector_len() / 2,
             held: Vec::new(),
             held_edge: Vec::new(),
             bodies: Vec::new(),
         };
-        let centroids = centroids(owners.step, &position, parts);
+        let centroids = centroids.unwrap_or_else(|| of_cells(grid));
         for mount in mounts {
             supports.bodies.push(Rigid {
                 nodes: RigidNodes::none(supports.plane),
@@ -137,7 +129,7 @@ impl Supports {
                     }
                 }
                 Owner::Body(body) => {
-                    let [x, y] = position([column, row]);
+                    let [x, y] = grid.node_position([column, row]);
                     let (rigid, [cx, cy]) = (&mut supports.bodies[body], centroids[body]);
                     let arm = [x - cx, y - cy];
                     rigid.nodes.push(place, arm);
@@ -382,44 +374,51 @@ enum Owner {
     Body(usize),
 }
 
-/// Determines the owners of nodes.
-struct Owners<'a> {
-    parts: &'a Parts,
+/// The owners of nodes.
+struct Owners {
     layout: NodeLayout,
-    /// Number of nodes along a cell minus one.
-    step: [usize; 2],
+    /// The owner of each node, row by row.
+    of: Vec<Owner>,
 }
 
-impl Owners<'_> {
-    /// Returns the owner of a node.
-    fn of(&self, column: usize, row: usize) -> Owner {
-        let mut owner = Owner::Free;
-        for (x, y) in self.cells(column, row) {
-            match self.parts.at(x, y) {
-                Part::Membrane => {}
-                Part::Frame => return Owner::Frame,
-                Part::Body(body) => owner = Owner::Body(body),
+impl Owners {
+    /// A node of several elements belongs to the frame before bodies, and to bodies before the membrane.
+    fn new(grid: &Grid) -> Self {
+        let layout = grid.layout();
+        let [columns, rows] = layout.nodes();
+        let mut owners = Self {
+            layout,
+            of: vec![Owner::Free; columns * rows],
+        };
+        let mut at = vec![0; layout.vector_len() / 2];
+        for (column, row) in (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row))) {
+            at[layout.index(0, column, row)] = row * columns + column;
+        }
+        for element in grid.each_element() {
+            let owner = match grid.content(element).part {
+                Part::Membrane => continue,
+                Part::Frame => Owner::Frame,
+                Part::Body(body) => Owner::Body(body),
+            };
+            for index in grid.own_nodes(element) {
+                let of = &mut owners.of[at[index]];
+                if *of != Owner::Frame {
+                    *of = owner;
+                }
             }
         }
-        let [columns, rows] = self.layout.nodes();
-        let inside = (1..columns - 1).contains(&column) && (1..rows - 1).contains(&row);
-        if inside { owner } else { Owner::Frame }
+        let on_edge = |node: usize| {
+            let (column, row) = (node % columns, node / columns);
+            column == 0 || row == 0 || column + 1 == columns || row + 1 == rows
+        };
+        let edge = (0..columns * rows).filter(|node| on_edge(*node));
+        edge.for_each(|node| owners.of[node] = Owner::Frame);
+        owners
     }
 
-    /// Returns the cells of a node.
-    fn cells(&self, column: usize, row: usize) -> impl Iterator<Item = (usize, usize)> {
-        let [columns, rows] = self.parts.raster().sides();
-        let range = |at: usize, step: usize, count: usize| {
-            let first = if at.is_multiple_of(step) {
-                (at / step).saturating_sub(1)
-            } else {
-                at / step
-            };
-            first..=(at / step).min(count - 1)
-        };
-        let across = range(row, self.step[1], rows);
-        let along = range(column, self.step[0], columns);
-        across.flat_map(move |y| along.clone().map(move |x| (x, y)))
+    /// Returns the owner of a node.
+    fn of(&self, column: usize, row: usize) -> Owner {
+        self.of[row * self.layout.nodes()[0] + column]
     }
 
     /// Returns whether a node shares an element with one of another owner. A body enclosed by a frame has an edge only
@@ -442,13 +441,17 @@ impl Owners<'_> {
     }
 }
 
-/// Returns the centroid of the cells of each body, with `step` nodes along a cell.
-fn centroids(step: [usize; 2], position: impl Fn([usize; 2]) -> [f64; 2], parts: &Parts) -> Vec<[f64; 2]> {
+/// Returns the centroid of the cells of each body.
+fn of_cells(grid: &Grid) -> Vec<[f64; 2]> {
+    let Some(parts) = grid.parts() else {
+        return Vec::new();
+    };
+    let step = grid.per_cell().map(|count| count * grid.layout().degree());
     let mut sums = vec![([0.0; 2], 0.0); parts.bodies()];
     let raster = parts.raster();
     for (x, y) in (0..raster.cells()).map(|at| (at % raster.columns(), at / raster.columns())) {
         if let Part::Body(body) = parts.at(x, y) {
-            let [low, high] = [0, 1].map(|more| position([(x + more) * step[0], (y + more) * step[1]]));
+            let [low, high] = [0, 1].map(|more| grid.node_position([(x + more) * step[0], (y + more) * step[1]]));
             let (sum, count) = &mut sums[body];
             *sum = [0, 1].map(|axis| sum[axis] + 0.5 * (low[axis] + high[axis]));
             *count += 1.0;

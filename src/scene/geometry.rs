@@ -6,9 +6,9 @@ use std::sync::Arc;
 use super::shape::Shape;
 use deaflow_base::{
     Canonical, Decimal, Fields, Force, InputError, Length, Map, Node, NodeValue, Parameter, Schema, SpringRate,
-    parameters,
+    parameters, words,
 };
-use deaflow_pattern::{Bits, Membrane, Part, Parts, PartsError, Raster};
+use deaflow_pattern::{Bits, Borders, Membrane, Part, Parts, PartsError, Polygons, Raster};
 
 /// A value along x and one along y; equal values are written as one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,6 +71,16 @@ const MOST_HELD: usize = 1000;
 /// The largest force in N and spring rate in N/m.
 const STRONGEST: f64 = 1e6;
 
+words! {
+    /// What elements follow along the border of a shape.
+    pub enum Curves {
+        /// The border: nodes move onto it, and cells that it cuts are split.
+        Fitted = "fitted",
+        /// The sides of cells whose centre lies in the shape.
+        Cells = "cells",
+    }
+}
+
 parameters! {
     /// A rigid frame. A cell belongs to it if its centre lies in it; the corners of its cells do not move.
     pub struct Frame as "`frame`" {
@@ -78,6 +88,8 @@ parameters! {
         pub opening: Option<Shape>,
         /// Parts of the frame inside the opening, such as hubs.
         pub held: Option<Vec<Shape>> [((), 1..=MOST_HELD)],
+        /// What elements follow: the borders of the shapes, or of cells whose centre lies in them, if not given.
+        pub curves: Option<Curves>,
     }
     rules(opening_or_held)
     check(check_frame)
@@ -95,10 +107,24 @@ parameters! {
         pub load: Option<[Force; 2]> [-STRONGEST..=STRONGEST],
         /// A spring between the centroid and its initial position.
         pub spring: Option<SpringRate> [0.0..=STRONGEST],
+        /// What elements follow: the border of the shape, or of cells whose centre lies in it, if not given.
+        pub curves: Option<Curves>,
     }
     include {
         /// The shape of the body.
         pub shape: Shape,
+    }
+}
+
+impl Frame {
+    /// Returns what is not frame.
+    fn free(&self, membrane: Membrane) -> Polygons {
+        let whole = Polygons::of_membrane(membrane);
+        let polygons = |shape: &Shape| shape.region().polygons(membrane);
+        let opening = self.opening.as_ref().map(polygons);
+        let within = opening.map_or_else(|| whole.clone(), |opening| whole.intersection(&opening));
+        let held = self.held.iter().flatten().map(polygons);
+        held.fold(within, |free, held| free.without(&held))
     }
 }
 
@@ -262,6 +288,33 @@ impl Geometry {
     pub fn parts(&self) -> Option<Arc<Parts>> {
         // The geometry has been checked.
         self.read_parts().ok().flatten().map(Arc::new)
+    }
+
+    /// Returns the borders that elements follow; `None` if all are those of cells.
+    #[must_use]
+    pub fn borders(&self) -> Option<Arc<Borders>> {
+        let bodies = || self.bodies.iter().flatten();
+        let frame = self.frame.as_ref();
+        let of_frame = frame.and_then(|frame| frame.curves);
+        let mut all = of_frame.into_iter().chain(bodies().filter_map(|body| body.curves));
+        if !all.any(|curves| curves == Curves::Fitted) {
+            return None;
+        }
+        let (membrane, parts) = (self.membrane(), self.parts()?);
+        let of_cells = |part: Part| Polygons::of_cells(&parts.cells(|at| at == part), membrane);
+        let opening = frame.map(|frame| match frame.curves {
+            None | Some(Curves::Cells) => Polygons::of_membrane(membrane).without(&of_cells(Part::Frame)),
+            Some(Curves::Fitted) => frame.free(membrane),
+        });
+        let bodies = bodies().enumerate().map(|(number, body)| match body.curves {
+            None | Some(Curves::Cells) => of_cells(Part::Body(number)),
+            Some(Curves::Fitted) => body.shape.region().polygons(membrane),
+        });
+        Some(Arc::new(Borders {
+            opening,
+            bodies: bodies.collect(),
+            electrodes: Vec::new(),
+        }))
     }
 
     fn read_parts(&self) -> Result<Option<Parts>, PartsError> {

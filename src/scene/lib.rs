@@ -25,7 +25,7 @@ pub use effects::{
     Branch, Breakdown, ConstantStrength, Effects, Electrode, ElectrodeResistance, HuangStrength, Inertia, On,
     PermittivityDecay, PermittivityReference, Properties, Stiffening, Viscoelasticity, ViscousLaw, laws,
 };
-pub use geometry::{Body, Both, Frame, Geometry, MOST_BODIES};
+pub use geometry::{Body, Both, Curves, Frame, Geometry, MOST_BODIES};
 pub use leads::{Edge, Leads, Unreached};
 pub use mask::{Islands, Mask, Point, Size};
 pub use model::{ElasticModel, Material, Scene, VACUUM_PERMITTIVITY};

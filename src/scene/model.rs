@@ -8,7 +8,7 @@ use super::geometry::{Body, Geometry};
 use super::leads::Leads;
 use super::waveform::Waveform;
 use deaflow_base::{Decimal, Stress, Voltage, parameters, words};
-use deaflow_pattern::{Bits, Membrane, Parts, Pattern, PatternForm, Symmetries};
+use deaflow_pattern::{Bits, Borders, Membrane, Parts, Pattern, PatternForm, Symmetries};
 
 /// ε₀ in F/m (CODATA 2018).
 pub const VACUUM_PERMITTIVITY: f64 = 8.854_187_812_8e-12;
@@ -203,6 +203,10 @@ impl Scene {
             return group;
         };
         let bodies: Vec<&Body> = self.geometry.bodies.iter().flatten().collect();
+        let group = match self.borders() {
+            Some(borders) => borders.symmetries(group, self.membrane().size_mm),
+            None => group,
+        };
         parts.symmetries(group, |g, from, to| {
             let (from, to) = (bodies[from], bodies[to]);
             g.apply_vector(from.load_n()) == to.load_n() && from.spring_n_per_m() == to.spring_n_per_m()
@@ -224,6 +228,12 @@ impl Scene {
                 .unwrap_or(group)
         };
         (0..self.groups()).map(|group| first(group) as u8 + 1).collect()
+    }
+
+    /// Returns the borders that elements follow; `None` if all are those of cells.
+    #[must_use]
+    pub fn borders(&self) -> Option<Arc<Borders>> {
+        self.geometry.borders()
     }
 
     /// Returns the part of the device that each cell belongs to; `None` if all are membrane.

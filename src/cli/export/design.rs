@@ -473,7 +473,8 @@ fn write_membrane(arguments: &ExportDesignArguments, design: &Design, path: &Pat
     };
     let membrane = membrane::simulate(design, options)?;
     let surface = Surface {
-        places: membrane.coordinates.each_ref().map(Vec::as_slice),
+        elements: membrane.elements,
+        places: &membrane.coordinates,
         displacement: &membrane.displacement,
         cells: &membrane.cells,
         sides: membrane.plane.raster.sides(),
@@ -494,13 +495,13 @@ fn write_membrane(arguments: &ExportDesignArguments, design: &Design, path: &Pat
         "deformed membrane of {} {} mm, {} elements; largest displacement {} mm",
         export::side_or_sides(membrane.plane.size_mm),
         export::one_or_both(membrane.plane.size_mm),
-        membrane.elements,
+        membrane.elements.iter().product::<usize>(),
         four_digits(membrane.largest)
     )];
     lines.extend(membrane.warnings.iter().map(|warning| format!("warning: {warning}")));
     let document = json!({
         "side_mm": one_or_both(membrane.plane.size_mm),
-        "elements": membrane.elements,
+        "elements": membrane.elements.iter().product::<usize>(),
         "max_displacement_mm": membrane.largest,
         "warnings": membrane.warnings,
     });

@@ -10,10 +10,10 @@ use deaflow_store::{Data, Dataset};
 
 /// A membrane in equilibrium at the voltage of its scene.
 pub struct Membrane {
-    /// Number of elements.
-    pub elements: usize,
-    /// Coordinates of their corners along x and y, mm.
-    pub coordinates: [Vec<f64>; 2],
+    /// Columns and rows of elements.
+    pub elements: [usize; 2],
+    /// Positions of their corners without displacement, mm, `[y][x]`.
+    pub coordinates: Vec<[f64; 2]>,
     /// The raster.
     pub plane: pattern::Membrane,
     /// Displacement of the corners of the elements, mm, `[y][x]`.
@@ -61,7 +61,7 @@ pub fn simulate(design: &Design, options: SolveOptions) -> Result<Membrane, CliE
     let largest = displacement.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
     let states = solver.cell_states(&design.pattern, &solution);
     Ok(Membrane {
-        elements: solver.grid().elements().iter().product(),
+        elements: solver.grid().elements(),
         coordinates: solver.corner_places(),
         plane: screened.scene.membrane(),
         displacement,

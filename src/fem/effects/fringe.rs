@@ -97,7 +97,7 @@ impl Fringe {
                 .collect()
         });
         let cells = zones_of_cells(pattern, loads);
-        Activity::from_elements(grid, |column, row| {
+        Activity::from_elements(grid, |[column, row]| {
             let [cell_x, cell_y] = [column / per_cell[0], row / per_cell[1]];
             let zones = &cells[cell_y * raster.columns() + cell_x];
             let [x, y] = [zone_of[0][column % per_cell[0]], zone_of[1][row % per_cell[1]]];

@@ -169,8 +169,20 @@ impl Model {
     }
 
     /// Returns the grid of a mesh; a fringe field needs element edges at its end.
+    ///
+    /// # Errors
+    /// If elements cannot follow the borders of the sheet.
+    pub fn grid(&self, mesh: Mesh) -> Result<Grid, SetupError> {
+        match &self.fringe {
+            None => Grid::fitted(mesh, &self.sheet),
+            Some(_) if self.sheet.borders.is_some() => Err(SetupError::Curves { with: "fringe fields" }),
+            Some(fringe) => Ok(fringe.grid(mesh)),
+        }
+    }
+
+    /// Returns the grid of a mesh on which scenes with and without a fringe field are compared: it follows no borders.
     #[must_use]
-    pub fn grid(&self, mesh: Mesh) -> Grid {
+    pub fn grid_of_cells(&self, mesh: Mesh) -> Grid {
         match &self.fringe {
             None => Grid::uniform(mesh, &self.sheet),
             Some(fringe) => fringe.grid(mesh),

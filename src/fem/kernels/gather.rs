@@ -4,8 +4,9 @@
 use pulp::Simd;
 
 use crate::element::Element;
+use crate::fitted::MappedView;
 use crate::kinematics::Tensor;
-use crate::lanes::{Real, Value, Wide};
+use crate::lanes::{Real, Value, WIDEST, Wide};
 use crate::layout::NodeLayout;
 
 /// Returns the widths of the elements of a register, and their height.
@@ -37,10 +38,9 @@ pub(crate) fn add_rest<V: Value, const N: usize>(gradients: &mut [Tensor<V>; N],
     }
 }
 
-/// Converts gradients on elements with sides 1 to elements with the given sides.
+/// Multiplies derivatives along x and y by factors: those on elements with sides 1 by the inverse sides of elements.
 #[inline(always)]
-pub(crate) fn scale_gradients<V: Value, const N: usize>(gradients: &mut [Tensor<V>; N], [width, height]: [V; 2]) {
-    let (along, across) = (width.recip(), height.recip());
+pub(crate) fn scale_gradients<V: Value, const N: usize>(gradients: &mut [Tensor<V>; N], [along, across]: [V; 2]) {
     for gradient in gradients {
         for row in gradient {
             *row = [row[0] * along, row[1] * across];
@@ -84,4 +84,95 @@ pub(super) fn gather<E: Element<N>, S: Simd, T: Real, const N: usize>(
         }
     }
     nodal
+}
+
+/// Writes the gradients at the points of mapped elements, from element `first` of a row.
+#[inline(always)]
+pub(super) fn write_mapped_gradients<S: Simd, T: Real, const N: usize>(
+    simd: S,
+    layout: NodeLayout,
+    mapped: MappedView<'_, T>,
+    vector: &[T],
+    [first, row]: [usize; 2],
+    gradients: &mut [Tensor<Wide<S, T>>; N],
+) {
+    let (lanes, part, plane) = (T::lanes::<S>(), layout.part(), layout.vector_len() / 2);
+    let row = row - layout.rows();
+    let mut nodal = [[Wide::splat(simd, 0.0); N]; 2];
+    let mut values = [T::default(); WIDEST];
+    for node in 0..N {
+        let places = &mapped.nodes[(row * N + node) * part + first..][..lanes];
+        for (c, component) in nodal.iter_mut().enumerate() {
+            for (value, &at) in values.iter_mut().zip(places) {
+                *value = vector[at as usize + c * plane];
+            }
+            component[node] = Wide::load(simd, &values);
+        }
+    }
+    for (q, gradient) in gradients.iter_mut().enumerate() {
+        *gradient = [[Wide::splat(simd, 0.0); 2]; 2];
+        for node in 0..N {
+            let line = ((row * N + q) * N + node) * 2;
+            let slope = [0, 1].map(|axis| Wide::load(simd, &mapped.slopes[(line + axis) * part + first..]));
+            for (row, component) in gradient.iter_mut().zip(&nodal) {
+                for (entry, slope) in row.iter_mut().zip(slope) {
+                    *entry = component[node].madd(slope, *entry);
+                }
+            }
+        }
+    }
+}
+
+/// Returns the nodal forces of the stresses at the points of mapped elements, from element `first` of a row.
+#[inline(always)]
+pub(super) fn mapped_forces<S: Simd, T: Real, const N: usize>(
+    simd: S,
+    layout: NodeLayout,
+    mapped: MappedView<'_, T>,
+    [first, row]: [usize; 2],
+    stresses: &[Tensor<Wide<S, T>>; N],
+) -> [[Wide<S, T>; N]; 2] {
+    let (part, row) = (layout.part(), row - layout.rows());
+    let mut forces = [[Wide::splat(simd, 0.0); N]; 2];
+    for (q, stress) in stresses.iter().enumerate() {
+        let area = Wide::load(simd, &mapped.areas[(row * N + q) * part + first..]);
+        let stress = stress.map(|row| row.map(|entry| entry * area));
+        for node in 0..N {
+            let line = ((row * N + q) * N + node) * 2;
+            let slope = [0, 1].map(|axis| Wide::load(simd, &mapped.slopes[(line + axis) * part + first..]));
+            for (force, row) in forces.iter_mut().zip(stress) {
+                force[node] = row[0].madd(slope[0], row[1].madd(slope[1], force[node]));
+            }
+        }
+    }
+    forces
+}
+
+/// Adds the forces of mapped elements, one by one, to those of their nodes.
+#[inline(always)]
+pub(super) fn scatter<S: Simd, T: Real, const N: usize>(
+    layout: NodeLayout,
+    mapped: MappedView<'_, T>,
+    [first, row]: [usize; 2],
+    forces: &[[Wide<S, T>; N]; 2],
+    out: &mut [T],
+) {
+    let (lanes, part, plane) = (T::lanes::<S>(), layout.part(), layout.vector_len() / 2);
+    let row = row - layout.rows();
+    let mut values = [[[T::default(); WIDEST]; N]; 2];
+    for (values, forces) in values.iter_mut().zip(forces) {
+        values
+            .iter_mut()
+            .zip(forces)
+            .for_each(|(values, force)| force.store(values));
+    }
+    for lane in 0..lanes {
+        for node in 0..N {
+            let at = mapped.nodes[(row * N + node) * part + first + lane] as usize;
+            for (c, values) in values.iter().enumerate() {
+                let sum = out[at + c * plane].to_f64() + values[node][lane].to_f64();
+                out[at + c * plane] = T::from_f64(sum);
+            }
+        }
+    }
 }

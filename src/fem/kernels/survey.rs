@@ -4,10 +4,11 @@ use std::marker::PhantomData;
 
 use pulp::{Simd, WithSimd};
 
-use super::gather::{add_rest, gather, scale_gradients, sides};
+use super::gather::{add_rest, gather, scale_gradients, sides, write_mapped_gradients};
 use crate::activity::View;
 use crate::element::Element;
 use crate::energy::{MODULI, Margins, MaterialPoint};
+use crate::fitted::MappedView;
 use crate::kinematics::{Tensor, deformation, determinant};
 use crate::lanes::{Real, Value, Wide};
 use crate::layout::NodeLayout;
@@ -32,7 +33,7 @@ impl<E: Element<N>, L: MaterialPoint, T: Precision, const N: usize> WithSimd for
     fn with_simd<S: Simd>(self, simd: S) -> Margins<f64> {
         let mut ellipticity = Wide::<S, T>::splat(simd, f64::INFINITY);
         let (mut convexity, mut tension) = (ellipticity, ellipticity);
-        for row in 0..self.layout.rows() {
+        for row in 0..self.layout.element_rows() {
             for first in (0..self.layout.columns()).step_by(T::lanes::<S>()) {
                 for (q, &gradient) in self.gradients(simd, first, row).iter().enumerate() {
                     let active = self
@@ -69,6 +70,9 @@ impl<E: Element<N>, L, T: Precision, const N: usize> Survey<'_, E, L, T, N> {
     /// Returns f − I at the points of elements.
     #[inline(always)]
     fn gradients<S: Simd>(&self, simd: S, first: usize, row: usize) -> [Tensor<Wide<S, T>>; N] {
+        if let Some(mapped) = self.activity.mapped {
+            return self.gradients_of_borders(simd, mapped, first, row);
+        }
         let nodal = gather::<E, S, T, N>(simd, self.layout, self.u, first, row);
         match self.activity.sides {
             None => E::gradients(&nodal),
@@ -78,11 +82,36 @@ impl<E: Element<N>, L, T: Precision, const N: usize> Survey<'_, E, L, T, N> {
             }
             Some(all) => {
                 let mut gradients = E::gradients(&nodal);
-                scale_gradients(&mut gradients, sides(simd, all, first, row));
+                scale_gradients(&mut gradients, sides(simd, all, first, row).map(Value::recip));
                 add_rest(&mut gradients, self.rest);
                 gradients
             }
         }
+    }
+
+    /// Returns f − I at the points of elements of a grid that follows borders; at rest where a cell is mapped.
+    #[inline(always)]
+    fn gradients_of_borders<S: Simd>(
+        &self,
+        simd: S,
+        mapped: MappedView<'_, T>,
+        first: usize,
+        row: usize,
+    ) -> [Tensor<Wide<S, T>>; N] {
+        let mut gradients = [[[Wide::splat(simd, 0.0); 2]; 2]; N];
+        if row >= self.layout.rows() {
+            write_mapped_gradients(simd, self.layout, mapped, self.u, [first, row], &mut gradients);
+        } else {
+            let nodal = gather::<E, S, T, N>(simd, self.layout, self.u, first, row);
+            E::write_gradients(&nodal, &mut gradients);
+            let unmapped = Wide::load(simd, &mapped.unmapped[row * self.layout.part() + first..]);
+            let sides = self.activity.sides.map_or([unmapped; 2], |all| {
+                sides(simd, all, first, row).map(|side| side.recip() * unmapped)
+            });
+            scale_gradients(&mut gradients, sides);
+        }
+        add_rest(&mut gradients, self.rest);
+        gradients
     }
 }
 
@@ -117,7 +146,7 @@ impl<E: Element<N>, L: MaterialPoint, T: Precision, const N: usize> WithSimd for
             ..
         } = self.survey;
         let lanes = T::lanes::<S>();
-        for row in 0..layout.rows() {
+        for row in 0..layout.element_rows() {
             for first in (0..layout.columns()).step_by(lanes) {
                 for (q, &gradient) in self.survey.gradients(simd, first, row).iter().enumerate() {
                     let active = activity.at(simd, [first, row], q);
@@ -192,7 +221,7 @@ impl<E: Element<N>, L: MaterialPoint, const N: usize> WithSimd for Metrics<'_, E
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let layout = self.survey.layout;
-        for row in 0..layout.rows() {
+        for row in 0..layout.element_rows() {
             for first in (0..layout.columns()).step_by(f64::lanes::<S>()) {
                 for (q, &gradient) in self.survey.gradients(simd, first, row).iter().enumerate() {
                     let [[a, b], [c, d]] = deformation(gradient);

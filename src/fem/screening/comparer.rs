@@ -69,12 +69,11 @@ impl Comparer {
     /// Returns the grid for comparing two scenes: that of the one with a fringe field, if any. For warnings the strips
     /// of the field lie within the elements, which takes a ninth of the elements.
     fn elements(&self, [current, other]: [&Scene; 2]) -> Result<Grid, SetupError> {
-        let fringed = [current, other]
-            .into_iter()
-            .find(|scene| scene.effects.fringe_field.is_some() && self.purpose != Purpose::Warnings);
-        match fringed {
-            Some(scene) => Ok(Model::new(scene)?.grid(OPTIONS.mesh)),
-            None => Ok(Grid::uniform(OPTIONS.mesh, &Sheet::of(current))),
+        let mut scenes = [current, other].into_iter();
+        match scenes.find(|scene| scene.effects.fringe_field.is_some()) {
+            Some(scene) if self.purpose != Purpose::Warnings => Ok(Model::new(scene)?.grid_of_cells(OPTIONS.mesh)),
+            Some(_) => Ok(Grid::uniform(OPTIONS.mesh, &Sheet::of(current))),
+            None => Grid::fitted(OPTIONS.mesh, &Sheet::of(current)),
         }
     }
 

@@ -5,6 +5,7 @@ mod convergence;
 mod devices;
 mod discrete;
 mod effects;
+mod fitted;
 mod fringe;
 mod groups;
 mod hard;

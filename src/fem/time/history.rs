@@ -19,6 +19,7 @@ use crate::mass::Mass;
 use crate::material::Material;
 use crate::operator::Activity;
 use crate::precondition::Laplacian;
+use crate::sheet::Sheet;
 use crate::solver::MembraneSolver;
 use crate::stability::Loss;
 use crate::work::WorkLimit;
@@ -172,6 +173,11 @@ pub fn refusal(scene: &Scene) -> Option<SetupError> {
     if scene.effects.electrode_resistance.is_some() {
         if scene.leads.is_none() {
             return Some(SetupError::Leads);
+        }
+        if Sheet::of(scene).borders.is_some() {
+            return Some(SetupError::Curves {
+                with: "electrode resistance",
+            });
         }
         if let Some(with) = scene.resistance_conflict(&scene.effects) {
             return Some(SetupError::Resistance { with });

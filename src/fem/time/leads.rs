@@ -273,7 +273,7 @@ impl Conductor {
         }
         let largest = squares.iter().copied().fold(0.0, f64::max);
         let over = if largest > 0.0 { largest.recip() } else { 0.0 };
-        let activity = Activity::from_elements(&self.grid, |column, row| over * squares[row * columns + column]);
+        let activity = Activity::from_elements(&self.grid, |[column, row]| over * squares[row * columns + column]);
         (activity, largest / self.full.powi(2))
     }
 

@@ -395,10 +395,23 @@ impl Viscous {
         let (grid, part) = (activity.grid(), self.layout.part());
         let mut at_points = vec![0.0; self.metric.len() / NUMBERS];
         memory::add_energy(part, [&loaded.sum, &loaded.metric], 0.5, &mut at_points);
-        let area = integral_of_rows(activity, |_| {
-            (0..self.layout.columns()).map(|at| grid.size(0, at)).sum()
-        });
+        let follows_borders = grid.follows_borders().is_some();
+        let area = match follows_borders {
+            true => integral(activity, &vec![1.0; at_points.len()]),
+            false => integral_of_rows(activity, |_| {
+                (0..self.layout.columns()).map(|at| grid.size(0, at)).sum()
+            }),
+        };
         let each = self.branches.iter().zip(&self.states).map(|(branch, state)| {
+            if follows_borders {
+                let logarithms: Vec<f64> = (0..at_points.len())
+                    .map(|at| {
+                        let [xx, xy, yy, normal] = point(self.layout, state, at);
+                        ((xx * yy - xy * xy) * normal).ln()
+                    })
+                    .collect();
+                return 0.5 * branch.modulus * (integral(activity, &logarithms) + 3.0 * area);
+            }
             let logarithms = integral_of_rows(activity, |line| {
                 let [xx, xy, yy, normal] = lines(part, &state[line * NUMBERS * part..][..NUMBERS * part]);
                 let volume = |at: usize| (xx[at] * yy[at] - xy[at] * xy[at]) * normal[at];

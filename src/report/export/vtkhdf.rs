@@ -8,8 +8,10 @@ use deaflow_store::{Data, Dataset, Grid, StoreError, write_grid};
 
 /// A deformed membrane on a raster of elements, `[y][x]`.
 pub struct Surface<'a> {
-    /// Positions of the corners of elements along x and y without displacement, in mm.
-    pub places: [&'a [f64]; 2],
+    /// Columns and rows of elements.
+    pub elements: [usize; 2],
+    /// Positions of their corners without displacement in mm.
+    pub places: &'a [[f64; 2]],
     /// Displacement of these corners in mm.
     pub displacement: &'a [[f64; 2]],
     /// Quantities of the pattern cells; first dimension: cells `[y][x]`. Each cell has the same number of elements.
@@ -28,19 +30,16 @@ pub fn write_vtkhdf(
     surface: &Surface<'_>,
     attributes: BTreeMap<String, String>,
 ) -> Result<(), StoreError> {
-    let [columns, rows] = surface.places.map(<[f64]>::len);
-    let reference: Vec<[f64; 3]> = (0..columns * rows)
-        .map(|at| [surface.places[0][at % columns], surface.places[1][at / columns], 0.0])
-        .collect();
+    let reference: Vec<[f64; 3]> = surface.places.iter().map(|[x, y]| [*x, *y, 0.0]).collect();
     let displacement: Vec<[f64; 3]> = surface.displacement.iter().map(|[x, y]| [*x, *y, 0.0]).collect();
     let vectors = |description: &str, values: &[[f64; 3]]| {
-        let values = values.iter().flatten().copied().collect();
-        Dataset::new("mm", description, &[columns * rows, 3], Data::F64(values))
+        let values: Vec<f64> = values.iter().flatten().copied().collect();
+        Dataset::new("mm", description, &[values.len() / 3, 3], Data::F64(values))
     };
     let points = reference.iter().zip(&displacement);
     let grid = Grid {
         points: points.map(|(x, u)| [x[0] + u[0], x[1] + u[1], 0.0]).collect(),
-        quadrilaterals: quadrilaterals([columns - 1, rows - 1]),
+        quadrilaterals: quadrilaterals(surface.elements),
         point_data: vec![
             (
                 "displacement",
@@ -71,7 +70,7 @@ fn quadrilaterals(elements: [usize; 2]) -> Vec<[i64; 4]> {
 
 /// Repeats the rows of cells as rows of elements.
 fn spread(surface: &Surface<'_>, dataset: &Dataset) -> Dataset {
-    let ([columns, rows], cells) = (surface.places.map(|places| places.len() - 1), surface.sides);
+    let ([columns, rows], cells) = (surface.elements, surface.sides);
     let [along, across] = [columns / cells[0], rows / cells[1]];
     let width = dataset.shape.iter().skip(1).product::<usize>();
     let cell = |at: usize| at / columns / across * cells[0] + at % columns / along;
