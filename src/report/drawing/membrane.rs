@@ -12,7 +12,7 @@ use super::error::FigureError;
 use super::path::{number, path};
 use deaflow_field::Field;
 use deaflow_pattern as pattern;
-use deaflow_pattern::{Bits, Corners, Part, Pattern, PatternForm, Point, Raster, outlines};
+use deaflow_pattern::{Bits, Corners, Part, Pattern, PatternForm, Point, Polygons, Raster, outlines};
 use deaflow_scene::Scene;
 
 /// Margin of a drawing, thousandths of its side.
@@ -29,10 +29,9 @@ const FARTHEST: f64 = 0.1;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Background {
     plane: pattern::Membrane,
-    /// The cells of the frame within the rectangle.
-    frame: Option<Pattern>,
-    /// The cells of rigid bodies.
-    bodies: Option<Pattern>,
+    /// The edges of the frame within the rectangle, and of rigid bodies, in cells.
+    frame: Vec<Vec<Point>>,
+    bodies: Vec<Vec<Point>>,
     /// The cells that may carry electrodes; `None` if all can.
     free: Option<Bits>,
 }
@@ -41,16 +40,25 @@ impl Background {
     /// Creates the background of a scene.
     #[must_use]
     pub fn of(scene: &Scene) -> Self {
-        let parts = scene.parts();
+        let (parts, borders, plane) = (scene.parts(), scene.borders(), scene.membrane());
         let cells = |is_in: fn(Part) -> bool| {
-            let parts = parts.as_ref()?;
-            let cells = parts.cells(is_in);
-            (!cells.is_empty()).then(|| cells.pattern())
+            let cells = parts.as_ref().map(|parts| parts.cells(is_in).pattern());
+            cells.iter().flat_map(rings).collect()
+        };
+        let (frame, bodies) = match &borders {
+            None => (cells(|part| part == Part::Frame), cells(|part| part.body().is_some())),
+            Some(borders) => {
+                let whole = Polygons::of_membrane(plane);
+                let opening = borders.opening.as_ref();
+                let frame = opening.map_or_else(Polygons::default, |opening| whole.without(opening));
+                let bodies = borders.bodies.iter().flat_map(|body| curves(body, plane));
+                (curves(&frame, plane), bodies.collect())
+            }
         };
         Self {
-            plane: scene.membrane(),
-            frame: cells(|part| part == Part::Frame),
-            bodies: cells(|part| part.body().is_some()),
+            plane,
+            frame,
+            bodies,
             free: parts.as_ref().map(|parts| parts.free_cells()),
         }
     }
@@ -60,8 +68,8 @@ impl Background {
     pub fn plain(plane: pattern::Membrane) -> Self {
         Self {
             plane,
-            frame: None,
-            bodies: None,
+            frame: Vec::new(),
+            bodies: Vec::new(),
             free: None,
         }
     }
@@ -141,7 +149,7 @@ impl Background {
         };
         html! {
             path class="frame" d=(edge) {}
-            @if let Some(frame) = &self.frame { path class="held" d=(self.edge(frame)) {} }
+            @if !self.frame.is_empty() { path class="held" d=(self.edge(&self.frame)) {} }
         }
     }
 
@@ -167,15 +175,15 @@ impl Background {
     #[must_use]
     pub fn electrode_at_rest(&self, pattern: &Pattern) -> Markup {
         html! {
-            (electrodes("on", pattern, |group| self.edge(group)))
-            @if let Some(bodies) = &self.bodies { path class="body" d=(self.edge(bodies)) {} }
+            (electrodes("on", pattern, |group| self.edge(&rings(group).collect::<Vec<_>>())))
+            @if !self.bodies.is_empty() { path class="body" d=(self.edge(&self.bodies)) {} }
         }
     }
 
-    /// Returns the edge of some cells at rest.
-    fn edge(&self, pattern: &Pattern) -> String {
-        let drawn = |ring: Vec<Point>| path(&ring.iter().map(|at| self.to_drawing(*at)).collect::<Vec<_>>(), true);
-        rings(pattern).map(drawn).collect()
+    /// Returns the edge of something at rest.
+    fn edge(&self, rings: &[Vec<Point>]) -> String {
+        let drawn = |ring: &Vec<Point>| path(&ring.iter().map(|at| self.to_drawing(*at)).collect::<Vec<_>>(), true);
+        rings.iter().map(drawn).collect()
     }
 }
 
@@ -273,16 +281,16 @@ impl DeformedMembrane {
     /// Draws the deformed electrode, with displacements times `scale`.
     pub fn electrode(&self, scale: f64) -> Markup {
         html! {
-            (electrodes("moved", &self.pattern, |group| edge(group, |at| self.moved(at, scale))))
-            @if let Some(bodies) = &self.background.bodies {
-                path class="body" d=(edge(bodies, |at| self.moved(at, scale))) {}
+            (electrodes("moved", &self.pattern, |group| edge(rings(group), |at| self.moved(at, scale))))
+            @if !self.background.bodies.is_empty() {
+                path class="body" d=(edge(self.background.bodies.iter().cloned(), |at| self.moved(at, scale))) {}
             }
         }
     }
 
     /// Draws the outline of the electrode; at rest if `scale` is zero.
     pub fn outline(&self, class: &str, scale: f64) -> Markup {
-        html! { path class=(class) d=(edge(&self.pattern, |at| self.moved(at, scale))) {} }
+        html! { path class=(class) d=(edge(rings(&self.pattern), |at| self.moved(at, scale))) {} }
     }
 
     /// Draws the deformed grid.
@@ -364,18 +372,35 @@ fn rings(pattern: &Pattern) -> impl Iterator<Item = Vec<Point>> {
     islands.flat_map(|island| std::iter::once(island.outer).chain(island.holes))
 }
 
-/// Returns the edge of an electrode, divided into the sides of cells, since it may be deformed.
-fn edge(pattern: &Pattern, to: impl Fn(Point) -> (f64, f64)) -> String {
+/// Returns the borders of a region in cells, without details that no drawing shows.
+fn curves(region: &Polygons, plane: pattern::Membrane) -> Vec<Vec<Point>> {
+    let apart = plane.size_mm[0].max(plane.size_mm[1]) / THOUSAND;
+    let thinned = |ring: &Vec<Point>| {
+        let mut kept: Vec<Point> = Vec::new();
+        for (at, point) in ring.iter().enumerate() {
+            let next = ring[(at + 1) % ring.len()];
+            let far = |other: &Point| (other[0] - point[0]).hypot(other[1] - point[1]) >= apart;
+            if kept.last().is_none_or(far) || far(&next) {
+                kept.push(*point);
+            }
+        }
+        kept.into_iter().map(|point| plane.in_cells(point)).collect()
+    };
+    region.rings().iter().map(thinned).collect()
+}
+
+/// Returns an edge, divided into the sides of cells, since it may be deformed.
+fn edge(rings: impl Iterator<Item = Vec<Point>>, to: impl Fn(Point) -> (f64, f64)) -> String {
     let drawn = |ring: Vec<Point>| {
         let pairs = ring.iter().zip(ring.iter().cycle().skip(1));
         let sides = pairs.flat_map(|(a, b)| {
-            let cells = (b[0] - a[0]).abs().max((b[1] - a[1]).abs());
+            let cells = (b[0] - a[0]).abs().max((b[1] - a[1]).abs()).round().max(1.0);
             let at = move |k: usize, c: usize| a[c] + (b[c] - a[c]) * k as f64 / cells;
-            (0..cells.round() as usize).map(move |k| [at(k, 0), at(k, 1)])
+            (0..cells as usize).map(move |k| [at(k, 0), at(k, 1)])
         });
         path(&sides.map(&to).collect::<Vec<_>>(), true)
     };
-    rings(pattern).map(drawn).collect()
+    rings.map(drawn).collect()
 }
 
 /// Converts a point with the origin at the lower left to one with the origin at the upper left.
