@@ -11,7 +11,7 @@ use deaflow_pattern::{Part, Parts, Polygons, Raster};
 
 use super::element::Element;
 use super::error::SetupError;
-use super::fitted::{Content, Fitted, MappedElement};
+use super::fitted::{Content, Fitted, Mapped, MappedElement};
 use super::kinematics::Tensor;
 use super::lanes::Real;
 use super::layout::NodeLayout;
@@ -318,18 +318,23 @@ impl Grid {
         regular.chain(mapped)
     }
 
-    /// Returns a mapped element (column, row); `None` for one of the grid.
-    #[must_use]
-    fn mapped(&self, [column, row]: [usize; 2]) -> Option<&MappedElement> {
+    /// Returns a mapped element (column, row) with all of them; `None` for one of the grid.
+    fn mapped(&self, [column, row]: [usize; 2]) -> Option<(&Mapped, &MappedElement)> {
+        let all = self.fitted.as_ref()?.mapped();
         let layout = self.layout();
         let number = row.checked_sub(layout.rows())? * layout.columns() + column;
-        self.fitted.as_ref()?.mapped().elements().get(number)
+        all.elements().get(number).map(|element| (all, element))
+    }
+
+    /// Returns the element (column, row) of the uniform grid that an element is, or is a part of.
+    fn place(&self, element: [usize; 2]) -> [usize; 2] {
+        self.mapped(element).map_or(element, |(_, mapped)| mapped.place)
     }
 
     /// Returns the cell of an element (column, row).
     #[must_use]
     pub fn cell_of(&self, element: [usize; 2]) -> [usize; 2] {
-        let [column, row] = self.mapped(element).map_or(element, |mapped| mapped.place);
+        let [column, row] = self.place(element);
         let [along, across] = self.per_cell();
         [column / along, row / across]
     }
@@ -345,7 +350,7 @@ impl Grid {
             }
         };
         match (self.mapped(element), &self.fitted) {
-            (Some(mapped), _) => mapped.content,
+            (Some((_, mapped)), _) => mapped.content,
             (None, Some(fitted)) => fitted.regular(self.layout(), element).unwrap_or_else(of_cell),
             (None, None) => of_cell(),
         }
@@ -354,10 +359,8 @@ impl Grid {
     /// Returns the indices of the nodes of an element (column, row) for the first component.
     #[must_use]
     pub fn nodes_of<const N: usize>(&self, element: [usize; 2]) -> [usize; N] {
-        let layout = self.layout();
-        let [column, row] = self.mapped(element).map_or(element, |mapped| mapped.place);
-        let (degree, side) = (layout.degree(), layout.degree() + 1);
-        std::array::from_fn(|node| layout.index(0, column * degree + node % side, row * degree + node / side))
+        let (layout, place) = (self.layout(), self.place(element));
+        std::array::from_fn(|node| layout.node_of(place, node))
     }
 
     /// Returns the indices of the nodes that an element (column, row) depends on, for the first component.
@@ -369,7 +372,7 @@ impl Grid {
             _ => self.nodes_of::<9>(element).to_vec(),
         };
         match self.mapped(element) {
-            Some(mapped) => all
+            Some((_, mapped)) => all
                 .into_iter()
                 .zip(mapped.has_nodes(layout.degree()))
                 .filter_map(|(index, has)| has.then_some(index))
@@ -381,9 +384,9 @@ impl Grid {
     /// Returns the area of each point of an element (column, row), given the weights of the points of a square.
     #[must_use]
     pub fn areas_of<const N: usize>(&self, element: [usize; 2], weights: [f64; N]) -> [f64; N] {
-        match (self.mapped(element), &self.fitted) {
-            (Some(_), Some(fitted)) => fitted.mapped().areas_of(self.layout(), element),
-            _ => {
+        match self.mapped(element) {
+            Some((mapped, _)) => mapped.areas_of(self.layout(), element),
+            None => {
                 let [width, height] = [0, 1].map(|axis| self.size(axis, element[axis]));
                 weights.map(|weight| weight * width * height)
             }
@@ -394,8 +397,10 @@ impl Grid {
     #[must_use]
     pub fn area_of(&self, element: [usize; 2]) -> f64 {
         let layout = self.layout();
+        if let Some((mapped, _)) = self.mapped(element) {
+            return mapped.area_of(layout, element);
+        }
         match &self.fitted {
-            Some(fitted) if element[1] >= layout.rows() => fitted.mapped().area_of(layout, element),
             Some(fitted) if fitted.regular(layout, element).is_none() => 0.0,
             _ => self.size(0, element[0]) * self.size(1, element[1]),
         }
@@ -408,8 +413,8 @@ impl Grid {
         element: [usize; 2],
         nodal: &[[f64; N]; 2],
     ) -> [Tensor<f64>; N] {
-        if let (Some(_), Some(fitted)) = (self.mapped(element), &self.fitted) {
-            return fitted.mapped().gradients(self.layout(), element, nodal);
+        if let Some((mapped, _)) = self.mapped(element) {
+            return mapped.gradients(self.layout(), element, nodal);
         }
         let mut gradients = E::gradients(nodal);
         scale_gradients(&mut gradients, self.sides(element).map(f64::recip));
@@ -432,7 +437,7 @@ impl Grid {
     /// matrix.
     #[must_use]
     pub fn mass_of<E: Element<N>, const N: usize>(&self, element: [usize; 2]) -> (f64, [[f64; N]; N]) {
-        let Some(mapped) = self.mapped(element) else {
+        let Some((_, mapped)) = self.mapped(element) else {
             return (self.sides(element).iter().product(), E::masses());
         };
         let areas = self.areas_of(element, E::WEIGHTS);
@@ -448,8 +453,8 @@ impl Grid {
         element: [usize; 2],
         mut stresses: [Tensor<f64>; N],
     ) -> [[f64; N]; 2] {
-        if let (Some(_), Some(fitted)) = (self.mapped(element), &self.fitted) {
-            return fitted.mapped().forces(self.layout(), element, &stresses);
+        if let Some((mapped, _)) = self.mapped(element) {
+            return mapped.forces(self.layout(), element, &stresses);
         }
         scale_stresses(&mut stresses, self.sides(element));
         E::forces(&stresses)

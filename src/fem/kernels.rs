@@ -24,7 +24,7 @@ use crate::memory::{self, MODULI_WITH_MEMORY};
 use crate::precision::Precision;
 use crate::registers::{self, dispatch, dispatch_widest};
 pub(crate) use gather::{add_rest, scale_gradients, scale_stresses, stress_at_rest};
-use gather::{gather, mapped_forces, scatter, sides, write_mapped_gradients};
+use gather::{gather, mapped_forces, scatter, sides, unmapped, write_mapped_gradients};
 use point::{
     MemoryBetween, MemoryStress, Point, RelaxedTangentDerivative, StressAt, StressAtRest, StressBetween, TangentAt,
     TangentAtRest, TangentFrom, TangentWithMemory,
@@ -331,12 +331,9 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
                     Some(all) if SHAPE == VARIED && !is_mapped => sides(simd, all, first, row),
                     _ => [Wide::splat(simd, 1.0); 2],
                 };
-                // 0 for elements of cells that are mapped: they are at rest, and without forces.
-                let unmapped = match self.activity.mapped {
-                    Some(mapped) if SHAPE == VARIED && !is_mapped => {
-                        Wide::load(simd, &mapped.unmapped[row * self.layout.part() + first..])
-                    }
-                    _ => Wide::splat(simd, 1.0),
+                let unmapped = match SHAPE == VARIED && !is_mapped {
+                    true => unmapped(simd, self.layout, self.activity.mapped, [first, row]),
+                    false => Wide::splat(simd, 1.0),
                 };
                 // Not a loop: it would not be unrolled, and gradients in memory would cost a third of a tangent
                 // product.

@@ -103,6 +103,13 @@ impl NodeLayout {
         self.index_in(c, column / self.degree, column % self.degree, row)
     }
 
+    /// Returns the index for the first component of a node of an element (column, row), counted row by row.
+    #[must_use]
+    pub fn node_of(&self, [column, row]: [usize; 2], node: usize) -> usize {
+        let side = self.degree + 1;
+        self.index(0, column * self.degree + node % side, row * self.degree + node / side)
+    }
+
     /// Returns the index of component `c` of the node number `inner`, less than the degree, from the left of an
     /// element.
     #[inline(always)]

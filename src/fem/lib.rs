@@ -3,8 +3,8 @@
 //! All quantities are dimensionless: stress is divided by μλp², lengths by the side of an element. So two numbers
 //! describe a scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ; for unequal prestretch, λp is √(λ₁λ₂) as described in
 //! [`grid`]. The modules follow the method, from the point to the result: kinematics, energy and effects; sheet,
-//! fitted, grid, element, layout, sampling and lanes; operator; gemm, modes and precondition; krylov, work, newton, direct and
-//! dynamic_stiffness; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response,
+//! fitted, grid, element, layout, sampling and lanes; operator; gemm, modes and precondition; krylov, work, newton,
+//! direct and dynamic_stiffness; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response,
 //! margin, path, fully_active, critical, limit, observable, gradient_evaluator and safety_margins; evaluator, which
 //! implements the traits of `field`; simulators and screening.
 

@@ -1,7 +1,7 @@
 //! The mass matrix of a membrane: density times area, in units in which both are 1.
 //!
-//! On rectangles it is M⊗M with the one-dimensional mass matrices; with mapped elements it is assembled. The image is projected onto admissible
-//! motions like any force: a body is as heavy as the membrane in its place.
+//! On rectangles it is M⊗M with the one-dimensional mass matrices; with mapped elements it is assembled. The image is
+//! projected onto admissible motions like any force: a body is as heavy as the membrane in its place.
 
 use crate::registers::dispatch;
 use deaflow_linalg::Mat;

@@ -15,12 +15,12 @@ use super::continuation::{LoadingEnd, Problem};
 use super::effects::{Model, WithMaterial, breakdown_ratio};
 use super::error::SetupError;
 use super::grid::Grid;
+use super::layout::NodeLayout;
 use super::material::Material;
 use super::newton::{self, Workspace};
 use super::observable::{CellState, states};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
-use super::sheet::Sheet;
 use super::stability::Loss;
 use super::work::WorkLimit;
 
@@ -165,8 +165,10 @@ impl MembraneSolver {
 
     /// Scales a work limit to the grid of the solutions.
     pub(super) fn scaled(&self, limit: WorkLimit) -> WorkLimit {
-        let asked = Grid::uniform(self.mesh, &Sheet::of(&self.scene));
-        let [asked, all] = [&asked, &self.grid].map(|grid| grid.layout().vector_len() as f64);
+        let cells = self.scene.membrane().raster.sides();
+        let asked = cells.map(|count| count * self.mesh.elements_per_cell());
+        let asked = NodeLayout::new(asked, self.mesh.order());
+        let [asked, all] = [asked, self.grid.layout()].map(|layout| layout.vector_len() as f64);
         limit.part((asked / all).sqrt())
     }
 

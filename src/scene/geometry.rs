@@ -290,23 +290,29 @@ impl Geometry {
         self.read_parts().ok().flatten().map(Arc::new)
     }
 
+    /// Returns whether elements follow the border of a shape.
+    #[must_use]
+    pub fn has_fitted_curves(&self) -> bool {
+        let of_frame = self.frame.iter().filter_map(|frame| frame.curves);
+        let of_bodies = self.bodies.iter().flatten().filter_map(|body| body.curves);
+        of_frame.chain(of_bodies).any(|curves| curves == Curves::Fitted)
+    }
+
     /// Returns the borders that elements follow; `None` if all are those of cells.
     #[must_use]
     pub fn borders(&self) -> Option<Arc<Borders>> {
-        let bodies = || self.bodies.iter().flatten();
-        let frame = self.frame.as_ref();
-        let of_frame = frame.and_then(|frame| frame.curves);
-        let mut all = of_frame.into_iter().chain(bodies().filter_map(|body| body.curves));
-        if !all.any(|curves| curves == Curves::Fitted) {
+        if !self.has_fitted_curves() {
             return None;
         }
+        let frame = self.frame.as_ref();
         let (membrane, parts) = (self.membrane(), self.parts()?);
         let of_cells = |part: Part| Polygons::of_cells(&parts.cells(|at| at == part), membrane);
         let opening = frame.map(|frame| match frame.curves {
             None | Some(Curves::Cells) => Polygons::of_membrane(membrane).without(&of_cells(Part::Frame)),
             Some(Curves::Fitted) => frame.free(membrane),
         });
-        let bodies = bodies().enumerate().map(|(number, body)| match body.curves {
+        let bodies = self.bodies.iter().flatten().enumerate();
+        let bodies = bodies.map(|(number, body)| match body.curves {
             None | Some(Curves::Cells) => of_cells(Part::Body(number)),
             Some(Curves::Fitted) => body.shape.region().polygons(membrane),
         });

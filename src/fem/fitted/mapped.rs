@@ -120,12 +120,8 @@ impl MappedElement {
     /// Returns the indices of its nodes for the first component.
     #[must_use]
     pub fn nodes(&self, layout: NodeLayout) -> Vec<usize> {
-        let degree = layout.degree();
-        let side = degree + 1;
-        let [column, row] = self.place;
-        (0..side * side)
-            .map(|node| layout.index(0, column * degree + node % side, row * degree + node / side))
-            .collect()
+        let count = (layout.degree() + 1).pow(2);
+        (0..count).map(|node| layout.node_of(self.place, node)).collect()
     }
 
     /// Returns the values of the basis where the element covers a point, given the positions of its nodes; `None` if it

@@ -23,6 +23,20 @@ pub(super) fn sides<S: Simd, T: Real>(
     ]
 }
 
+/// Returns 0 for elements of a grid whose cell is mapped, which are at rest and without forces, and 1 for others.
+#[inline(always)]
+pub(super) fn unmapped<S: Simd, T: Real>(
+    simd: S,
+    layout: NodeLayout,
+    mapped: Option<MappedView<'_, T>>,
+    [first, row]: [usize; 2],
+) -> Wide<S, T> {
+    match mapped {
+        Some(mapped) => Wide::load(simd, &mapped.unmapped[row * layout.part() + first..]),
+        None => Wide::splat(simd, 1.0),
+    }
+}
+
 /// Returns the stress of the bare membrane at rest along x and y; an isotropic material has no shear stress there.
 pub(crate) fn stress_at_rest(stress: impl Fn(Tensor<f64>) -> Tensor<f64>, [along, across]: [f64; 2]) -> [f64; 2] {
     let [[xx, _], [_, yy]] = stress([[along - 1.0, 0.0], [0.0, across - 1.0]]);

@@ -4,11 +4,10 @@ use std::marker::PhantomData;
 
 use pulp::{Simd, WithSimd};
 
-use super::gather::{add_rest, gather, scale_gradients, sides, write_mapped_gradients};
+use super::gather::{add_rest, gather, scale_gradients, sides, unmapped, write_mapped_gradients};
 use crate::activity::View;
 use crate::element::Element;
 use crate::energy::{MODULI, Margins, MaterialPoint};
-use crate::fitted::MappedView;
 use crate::kinematics::{Tensor, deformation, determinant};
 use crate::lanes::{Real, Value, Wide};
 use crate::layout::NodeLayout;
@@ -70,8 +69,11 @@ impl<E: Element<N>, L, T: Precision, const N: usize> Survey<'_, E, L, T, N> {
     /// Returns f − I at the points of elements.
     #[inline(always)]
     fn gradients<S: Simd>(&self, simd: S, first: usize, row: usize) -> [Tensor<Wide<S, T>>; N] {
-        if let Some(mapped) = self.activity.mapped {
-            return self.gradients_of_borders(simd, mapped, first, row);
+        if let Some(mapped) = self.activity.mapped.filter(|_| row >= self.layout.rows()) {
+            let mut gradients = [[[Wide::splat(simd, 0.0); 2]; 2]; N];
+            write_mapped_gradients(simd, self.layout, mapped, self.u, [first, row], &mut gradients);
+            add_rest(&mut gradients, self.rest);
+            return gradients;
         }
         let nodal = gather::<E, S, T, N>(simd, self.layout, self.u, first, row);
         match self.activity.sides {
@@ -82,36 +84,13 @@ impl<E: Element<N>, L, T: Precision, const N: usize> Survey<'_, E, L, T, N> {
             }
             Some(all) => {
                 let mut gradients = E::gradients(&nodal);
-                scale_gradients(&mut gradients, sides(simd, all, first, row).map(Value::recip));
+                let unmapped = unmapped(simd, self.layout, self.activity.mapped, [first, row]);
+                let sides = sides(simd, all, first, row);
+                scale_gradients(&mut gradients, sides.map(|side| side.recip() * unmapped));
                 add_rest(&mut gradients, self.rest);
                 gradients
             }
         }
-    }
-
-    /// Returns f − I at the points of elements of a grid that follows borders; at rest where a cell is mapped.
-    #[inline(always)]
-    fn gradients_of_borders<S: Simd>(
-        &self,
-        simd: S,
-        mapped: MappedView<'_, T>,
-        first: usize,
-        row: usize,
-    ) -> [Tensor<Wide<S, T>>; N] {
-        let mut gradients = [[[Wide::splat(simd, 0.0); 2]; 2]; N];
-        if row >= self.layout.rows() {
-            write_mapped_gradients(simd, self.layout, mapped, self.u, [first, row], &mut gradients);
-        } else {
-            let nodal = gather::<E, S, T, N>(simd, self.layout, self.u, first, row);
-            E::write_gradients(&nodal, &mut gradients);
-            let unmapped = Wide::load(simd, &mapped.unmapped[row * self.layout.part() + first..]);
-            let sides = self.activity.sides.map_or([unmapped; 2], |all| {
-                sides(simd, all, first, row).map(|side| side.recip() * unmapped)
-            });
-            scale_gradients(&mut gradients, sides);
-        }
-        add_rest(&mut gradients, self.rest);
-        gradients
     }
 }
 

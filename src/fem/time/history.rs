@@ -19,7 +19,6 @@ use crate::mass::Mass;
 use crate::material::Material;
 use crate::operator::Activity;
 use crate::precondition::Laplacian;
-use crate::sheet::Sheet;
 use crate::solver::MembraneSolver;
 use crate::stability::Loss;
 use crate::work::WorkLimit;
@@ -174,7 +173,7 @@ pub fn refusal(scene: &Scene) -> Option<SetupError> {
         if scene.leads.is_none() {
             return Some(SetupError::Leads);
         }
-        if Sheet::of(scene).borders.is_some() {
+        if scene.geometry.has_fitted_curves() {
             return Some(SetupError::Curves {
                 with: "electrode resistance",
             });
