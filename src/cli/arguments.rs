@@ -11,7 +11,7 @@ use super::progress::ProgressMode;
 use super::{CliError, project};
 use deaflow_base::{Dimension, InputError, NodeValue, Override, Quantity, Time, read_bounded};
 use deaflow_fem::WorkLimit;
-use deaflow_pattern::{DrawingOptions, DrawingUnit, PatternForm};
+use deaflow_pattern::{DrawingOptions, DrawingUnit, Edges, PatternForm};
 use deaflow_scene::Scene;
 use deaflow_stage::direct::{self, NamedPatterns};
 use deaflow_store::Store;
@@ -287,7 +287,7 @@ pub struct VerbosityArguments {
 }
 
 /// The heading of options about drawings and pictures.
-const DRAWINGS: &str = "Drawings and pictures";
+pub const DRAWINGS: &str = "Drawings and pictures";
 
 #[derive(Clone, Debug, Args)]
 pub struct DrawingArguments {
@@ -348,8 +348,12 @@ impl PatternArguments {
     ///
     /// # Errors
     /// When one cannot be read.
-    pub fn read(&self, form: PatternForm) -> Result<NamedPatterns, InputError> {
-        direct::patterns(&self.patterns, form, &self.drawings.options())
+    pub fn read(&self, form: PatternForm, edges: Edges) -> Result<NamedPatterns, InputError> {
+        let drawings = DrawingOptions {
+            edges,
+            ..self.drawings.options()
+        };
+        direct::patterns(&self.patterns, form, &drawings)
     }
 
     /// Returns the output file, for a command that needs one.

@@ -19,7 +19,7 @@ use super::{CliError, Exit, Output, model, write};
 use deaflow_base::{Digest, Progress};
 use deaflow_content::{Packed, SolveFile};
 use deaflow_field::{Field, OutcomeKind, Predictor};
-use deaflow_pattern::Pattern;
+use deaflow_pattern::{Edges, Pattern};
 use deaflow_scene::Scene;
 use deaflow_stage::direct::NamedPatterns;
 use deaflow_surrogate::{COVERAGE, Surrogate};
@@ -85,7 +85,7 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
     let scene = scene.map(|scene| arguments.state.of(scene)).transpose()?;
     let weights = model::weights(&arguments.model, &arguments.store_folder())?;
     let surrogate = surrogate(&weights, scene.as_ref())?;
-    let NamedPatterns { patterns, names, notes } = arguments.patterns.read(surrogate.form())?;
+    let NamedPatterns { patterns, names, notes } = arguments.patterns.read(surrogate.form(), Edges::Cells)?;
     notes.iter().for_each(|note| output.warn(note));
     let calibration = calibration::find(arguments, &weights)?;
     let table = file.map(|file| attached_files(file)[0].clone());

@@ -91,4 +91,7 @@ pub enum ElementError {
     /// The word is unknown.
     #[error("unknown value {0:?}")]
     Word(String),
+    /// The arrays are not the shapes of electrodes.
+    #[error("`electrodes` are not shapes of electrode groups: {0}")]
+    Electrodes(&'static str),
 }

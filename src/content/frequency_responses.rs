@@ -3,6 +3,7 @@
 use super::attribute::Lines;
 use super::element::Packed;
 use super::macros::arrays;
+use super::samples::DrawnElectrodes;
 use deaflow_field::{Field, OutcomeKind};
 use deaflow_pattern::Pattern;
 use deaflow_scene::{Effects, Scene};
@@ -13,6 +14,8 @@ arrays! {
     pub struct FrequencyResponses, FrequencyResponsesView {
         /// Electrode patterns, origin lower left, 1 = electrode.
         patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
+        /// If elements follow drawn electrodes, their shapes.
+        electrodes: Option<DrawnElectrodes> = group("electrodes"),
         /// How the search for the equilibrium ended.
         outcome: Vec<OutcomeKind> = array("outcome", "", [sample]),
         /// Voltage of the equilibrium, about which the voltage alternates.

@@ -3,6 +3,7 @@
 use super::attribute::Lines;
 use super::element::{Packed, PerBody};
 use super::macros::arrays;
+use super::samples::DrawnElectrodes;
 use deaflow_field::{Field, OutcomeKind};
 use deaflow_pattern::Pattern;
 use deaflow_scene::{Effects, Scene};
@@ -12,6 +13,8 @@ arrays! {
     pub struct Histories, HistoriesView {
         /// Electrode patterns, origin lower left, 1 = electrode.
         patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
+        /// If elements follow drawn electrodes, their shapes.
+        electrodes: Option<DrawnElectrodes> = group("electrodes"),
         /// Time since the start of the drive; 0 is just after the start.
         time: Vec<f64> = array("time", "s", [time]),
         /// Voltage of the drive.

@@ -2,13 +2,15 @@
 
 use std::path::Path;
 
-use super::part::At;
+use super::part::{At, Part};
+use super::samples::DrawnElectrodes;
 use super::view::Stored;
 use deaflow_base::InputError;
-use deaflow_pattern::{DrawingOptions, FilePatterns, Pattern, PatternForm, read_patterns, split_array};
+use deaflow_pattern::{DrawingOptions, Edges, FilePatterns, Pattern, PatternForm, read_patterns, split_array};
 use deaflow_store::Artifact;
 
 /// Reads the patterns that an argument names: a file of patterns, or a dataset of an artifact, which may be a manifest.
+/// With fitted edges an artifact must have the shapes of the electrodes.
 /// Artifacts are read through the store, because HDF5 would show fill values for missing chunks of a manifest.
 ///
 /// # Errors
@@ -24,8 +26,17 @@ pub fn named_patterns(
     };
     let refused = |why: String| InputError::new(format!("{argument}: {why}"));
     let artifact = Artifact::open(path).map_err(|e| refused(e.to_string()))?;
-    let at = At::default().array(dataset.trim_start_matches('/'), "1", &["n", "y", "x"], "");
-    let patterns: Vec<Pattern> = Stored::new(&artifact, at).read().map_err(|e| refused(e.to_string()))?;
+    let dataset = dataset.trim_start_matches('/');
+    let at = At::default().array(dataset, "1", &["n", "y", "x"], "");
+    let mut patterns: Vec<Pattern> = Stored::new(&artifact, at).read().map_err(|e| refused(e.to_string()))?;
+    if drawings.edges == Edges::Fitted {
+        let group = dataset.rsplit_once('/').map_or("", |(group, _)| group);
+        let at = At::default().group(group, &[]).group("electrodes", &[]);
+        let drawn: Option<DrawnElectrodes> = Part::get(&at, &artifact).map_err(|e| refused(e.to_string()))?;
+        let drawn = drawn
+            .ok_or_else(|| refused("its electrodes are cells, not shapes that elements could follow".to_owned()))?;
+        patterns = drawn.add_to(patterns).map_err(|e| refused(e.to_string()))?;
+    }
     let PatternForm { raster, groups, .. } = form;
     let other = patterns
         .iter()

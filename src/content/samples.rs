@@ -1,10 +1,16 @@
 //! The artifact of a sample or a patterns stage.
 
+use std::sync::Arc;
+
+use super::error::ElementError;
 use super::macros::arrays;
-use deaflow_pattern::Pattern;
+use deaflow_pattern::{Electrodes, Pattern, Polygons};
 
 /// The kinds of stages with this artifact.
 pub const SAMPLED: [&str; 2] = ["sample", "patterns"];
+
+/// The largest coordinate of an electrode in mm.
+const LONGEST: f64 = 1e6;
 
 /// The family of patterns from files.
 pub const FROM_FILE: &str = "file";
@@ -33,18 +39,133 @@ arrays! {
         index: Vec<u64> = array("index", "1", [sample]),
         /// Units across the membrane for the family large-grid, 0 for others.
         units: Vec<u64> = array("units", "1", [sample]),
+        /// If elements follow drawn electrodes, their shapes.
+        electrodes: Option<DrawnElectrodes> = group("electrodes"),
+    }
+}
+
+arrays! {
+    /// Drawn electrodes that elements follow: closed polygons, whose last vertex is joined to the first. Outer ones run
+    /// anticlockwise, holes clockwise.
+    #[derive(Default)]
+    pub struct DrawnElectrodes, DrawnElectrodesView {
+        /// Sides of the membrane.
+        size: Vec<[f64; 2]> = array("size", "mm", [sample, xy]),
+        /// Number of polygons of each sample, one after the other; 0 if its electrodes are the cells.
+        polygons: Vec<u64> = array("polygons", "1", [sample]),
+        /// Electrode group of each polygon.
+        group: Vec<u64> = array("group", "1", [polygon]),
+        /// Number of vertices of each polygon, one after the other.
+        vertices: Vec<u64> = array("vertices", "1", [polygon]),
+        /// Vertices, from the lower left corner of the membrane.
+        vertex: Vec<[f64; 2]> = array("vertex", "mm", [vertex, xy]),
+    }
+}
+
+impl DrawnElectrodes {
+    /// Returns the drawn electrodes of patterns; `None` if no pattern has any.
+    #[must_use]
+    pub fn of(patterns: &[Pattern]) -> Option<Self> {
+        patterns.iter().find_map(Pattern::electrodes)?;
+        Some(Self::of_all(patterns))
+    }
+
+    fn of_all(patterns: &[Pattern]) -> Self {
+        let mut all = Self::default();
+        for pattern in patterns {
+            let electrodes = pattern.electrodes();
+            let size = electrodes.map_or([0.0; 2], |electrodes| electrodes.size_mm());
+            let groups = electrodes.iter().flat_map(|electrodes| electrodes.groups());
+            let polygons = groups.flat_map(|(group, region)| region.rings().iter().map(move |ring| (*group, ring)));
+            let before = all.group.len();
+            for (group, ring) in polygons {
+                all.group.push(u64::from(group));
+                all.vertices.push(ring.len() as u64);
+                all.vertex.extend(ring);
+            }
+            all.size.push(size);
+            all.polygons.push((all.group.len() - before) as u64);
+        }
+        all
+    }
+
+    /// Adds the drawn electrodes to patterns.
+    ///
+    /// # Errors
+    /// If the arrays do not fit each other or the patterns, or a value is out of range.
+    pub(super) fn add_to(&self, patterns: Vec<Pattern>) -> Result<Vec<Pattern>, ElementError> {
+        self.check(patterns.len()).map_err(ElementError::Electrodes)?;
+        let mut vertices = self.vertex.iter();
+        let mut polygons = self.group.iter().zip(&self.vertices);
+        let own = self.size.iter().zip(&self.polygons).map(|(size, count)| {
+            let mut groups: Vec<(u8, Vec<Vec<[f64; 2]>>)> = Vec::new();
+            for (group, length) in polygons.by_ref().take(*count as usize) {
+                let ring = vertices.by_ref().take(*length as usize).copied().collect();
+                match groups.last_mut() {
+                    Some((last, rings)) if u64::from(*last) == *group => rings.push(ring),
+                    _ => groups.push((*group as u8, vec![ring])),
+                }
+            }
+            let groups = groups
+                .into_iter()
+                .map(|(group, rings)| (group, Polygons::of_rings(rings)));
+            (*count > 0).then(|| Arc::new(Electrodes::of_parts(groups.collect(), *size)))
+        });
+        let pairs = patterns.into_iter().zip(own);
+        Ok(pairs
+            .map(|(pattern, electrodes)| pattern.with_electrodes(electrodes))
+            .collect())
+    }
+
+    fn check(&self, patterns: usize) -> Result<(), &'static str> {
+        let is_sum = |counts: &[u64], total: usize| {
+            let sum = counts.iter().try_fold(0_u64, |sum, count| sum.checked_add(*count));
+            sum == Some(total as u64)
+        };
+        let groups = 1..=Pattern::MOST_GROUPS as u64;
+        let is_length = |value: &f64| (0.0..=LONGEST).contains(value);
+        if self.size.len() != patterns || self.polygons.len() != patterns {
+            return Err("not one for each pattern");
+        }
+        if self.group.len() != self.vertices.len()
+            || !is_sum(&self.polygons, self.group.len())
+            || !is_sum(&self.vertices, self.vertex.len())
+        {
+            return Err("numbers of polygons or vertices do not add up");
+        }
+        if !self.group.iter().all(|group| groups.contains(group)) {
+            return Err("a group is out of range");
+        }
+        match self.size.iter().chain(&self.vertex).flatten().all(is_length) {
+            true => Ok(()),
+            false => Err("a coordinate is out of range"),
+        }
     }
 }
 
 impl SampleRows {
+    /// Adds the drawn electrodes to the patterns, which are read without them.
+    ///
+    /// # Errors
+    /// If they are invalid.
+    pub fn drawn(self) -> Result<Self, ElementError> {
+        let patterns = match &self.electrodes {
+            Some(electrodes) => electrodes.add_to(self.patterns)?,
+            None => self.patterns,
+        };
+        Ok(Self { patterns, ..self })
+    }
+
     /// Returns some of the rows, in the order of `rows`.
     #[must_use]
     pub fn select(&self, rows: &[usize]) -> Self {
+        let patterns: Vec<Pattern> = rows.iter().map(|&row| self.patterns[row].clone()).collect();
         Self {
-            patterns: rows.iter().map(|&row| self.patterns[row].clone()).collect(),
             family: rows.iter().map(|&row| self.family[row].clone()).collect(),
             index: rows.iter().map(|&row| self.index[row]).collect(),
             units: rows.iter().map(|&row| self.units[row]).collect(),
+            electrodes: self.electrodes.as_ref().map(|_| DrawnElectrodes::of_all(&patterns)),
+            patterns,
         }
     }
 }

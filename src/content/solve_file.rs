@@ -5,6 +5,7 @@ use super::element::{Packed, PerCell};
 use super::intervals::PredictionIntervals;
 use super::macros::arrays;
 use super::observations::{Meshes, Observations};
+use super::samples::DrawnElectrodes;
 use deaflow_field::{Field, OutcomeKind};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Effects;
@@ -12,11 +13,13 @@ use deaflow_store::{Data, Dataset, Object};
 
 arrays! {
     /// Patterns with their displacements, a row for each even without a field. If the scene has `states`, all arrays
-    /// except `patterns` have an axis `state` after `sample`, and `states` has the names.
+    /// except those of the patterns have an axis `state` after `sample`, and `states` has the names.
     #[derive(Default)]
     pub struct SolveFile, SolveFileView {
         /// Electrode patterns, origin lower left, 1 = electrode.
         patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
+        /// If elements follow drawn electrodes, their shapes.
+        electrodes: Option<DrawnElectrodes> = group("electrodes"),
         /// Displacement at the cell corners; NaN unless the outcome is `converged`, `estimated` or `predicted`.
         displacement: Packed<Field> = array("displacement", "mm", [sample, corner_y, corner_x, xy]),
         /// How the simulation ended: `converged`, `pull-in`, `not-elliptic`, `slack`, `iteration-limit` or
@@ -69,13 +72,16 @@ impl SolveFile {
         if states.is_empty() {
             return self.object();
         }
+        let patterns: Vec<Pattern> = self.patterns.iter().step_by(states.len()).cloned().collect();
         let once = Self {
-            patterns: self.patterns.iter().step_by(states.len()).cloned().collect(),
+            electrodes: DrawnElectrodes::of(&patterns),
+            patterns,
             ..Self::default()
         };
+        let is_of_patterns = |path: &str| path == "patterns" || path.starts_with("electrodes/");
         let mut object = self.object();
         for (path, dataset) in &mut object.datasets {
-            if path != "patterns" && dataset.axes.first().is_some_and(|axis| axis == "sample") {
+            if !is_of_patterns(path) && dataset.axes.first().is_some_and(|axis| axis == "sample") {
                 dataset.axes.insert(1, "state".to_owned());
                 dataset.shape[0] /= states.len();
                 dataset.shape.insert(1, states.len());
@@ -87,7 +93,8 @@ impl SolveFile {
             &[states.len()],
             Data::Text(states.to_vec()),
         );
-        object.datasets.extend(once.object().datasets.remove_entry("patterns"));
+        let once = once.object().datasets.into_iter();
+        object.datasets.extend(once.filter(|(path, _)| is_of_patterns(path)));
         object.datasets.insert(
             "states".to_owned(),
             Dataset {

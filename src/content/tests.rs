@@ -21,6 +21,7 @@ fn rows(n: usize) -> SampleRows {
         family: vec!["stripes".into(); n],
         index: (0..n as u64).collect(),
         units: vec![0; n],
+        electrodes: None,
     }
 }
 
@@ -58,6 +59,62 @@ fn content_is_read_as_written() {
     assert_eq!(object.datasets["displacement"].units, "mm");
     let (_folder, artifact) = stored(&object);
     assert_eq!(Solutions::read(&artifact).unwrap(), solutions());
+}
+
+/// Rows with drawn electrodes, one of which has two groups and one none.
+fn drawn_rows() -> SampleRows {
+    let triangle = |x: f64| vec![[x, 1.0], [x + 5.0, 1.0], [x, 7.125]];
+    let square = vec![[1.0, 1.0], [9.0, 1.0], [9.0, 9.0], [1.0, 9.0]];
+    let polygons = |rings: &[Vec<[f64; 2]>]| deaflow_pattern::Polygons::new(rings);
+    let drawn = |groups: &[(u8, deaflow_pattern::Polygons)]| {
+        Some(std::sync::Arc::new(deaflow_pattern::Electrodes::new(groups, [50.0; 2])))
+    };
+    let own = [
+        drawn(&[
+            (2, polygons(&[triangle(20.0)])),
+            (1, polygons(&[square, triangle(2.0)])),
+        ]),
+        None,
+        drawn(&[(1, polygons(&[triangle(30.0)]))]),
+    ];
+    let patterns = rows(3).patterns.into_iter().zip(own);
+    let patterns: Vec<Pattern> = patterns.map(|(pattern, own)| pattern.with_electrodes(own)).collect();
+    SampleRows {
+        electrodes: DrawnElectrodes::of(&patterns),
+        patterns,
+        ..rows(3)
+    }
+}
+
+#[test]
+fn drawn_electrodes_are_read_as_written_and_checked() {
+    let samples = Samples {
+        rows: drawn_rows(),
+        area: vec![0.5; 3],
+    };
+    let (_folder, artifact) = stored(&samples.object());
+    let read = Samples::read(&artifact).unwrap().rows;
+    assert_ne!(read, drawn_rows());
+    let read = read.drawn().unwrap();
+    assert_eq!(read, drawn_rows());
+    let selected = read.select(&[2, 0]);
+    assert_eq!(selected.electrodes, DrawnElectrodes::of(&selected.patterns));
+    assert_eq!(selected.patterns[1], read.patterns[0]);
+    assert_eq!(read.select(&[]).electrodes, Some(DrawnElectrodes::default()));
+    type Fault = fn(&mut DrawnElectrodes);
+    let faults: [(Fault, &str); 5] = [
+        (|own| own.polygons[1] = 1, "do not add up"),
+        (|own| own.vertices[0] = u64::MAX, "do not add up"),
+        (|own| own.group[0] = 0, "a group is out of range"),
+        (|own| own.vertex[3][1] = f64::NAN, "a coordinate is out of range"),
+        (|own| own.size.truncate(2), "not one for each pattern"),
+    ];
+    for (fault, says) in faults {
+        let mut rows = drawn_rows();
+        fault(rows.electrodes.as_mut().unwrap());
+        let found = rows.drawn().unwrap_err().to_string();
+        assert!(found.contains(says), "{found}");
+    }
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 use super::element::Packed;
 use super::macros::arrays;
+use super::samples::DrawnElectrodes;
 use deaflow_field::{Field, OutcomeKind};
 use deaflow_pattern::Pattern;
 use deaflow_scene::{Effects, Scene};
@@ -11,6 +12,8 @@ arrays! {
     pub struct Vibrations, VibrationsView {
         /// Electrode patterns, origin lower left, 1 = electrode.
         patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
+        /// If elements follow drawn electrodes, their shapes.
+        electrodes: Option<DrawnElectrodes> = group("electrodes"),
         /// How the search for the equilibrium ended.
         outcome: Vec<OutcomeKind> = array("outcome", "", [sample]),
         /// Displacement of the equilibrium at the cell corners.

@@ -1,7 +1,7 @@
 //! The device of a dataset, against which its patterns and fields are checked.
 
 use deaflow_field::Field;
-use deaflow_pattern::{Bits, Membrane, Part, Parts, PatternForm, Raster, Symmetries};
+use deaflow_pattern::{Bits, Membrane, Part, Parts, PatternForm, Polygons, Raster, Symmetries};
 
 /// Smallest size in bytes of a row of the source paper's membrane. DEFLATE, the densest filter, reduces its 20 kB by
 /// at most a factor of a thousand.
@@ -33,9 +33,24 @@ impl Device {
     /// Creates a device. Without `parts` all cells are membrane, clamped at the edges.
     #[must_use]
     pub fn new(membrane: Membrane, groups: usize, symmetries: Symmetries, parts: Option<&Parts>) -> Self {
+        Self::within(membrane, groups, symmetries, parts, None)
+    }
+
+    /// Creates a device in whose frame elements follow the border of an opening: corners of its cells may move.
+    #[must_use]
+    pub fn within(
+        membrane: Membrane,
+        groups: usize,
+        symmetries: Symmetries,
+        parts: Option<&Parts>,
+        opening: Option<&Polygons>,
+    ) -> Self {
         let [columns, rows] = membrane.raster.corner_sides();
+        let [width, height] = membrane.cell_mm();
+        let is_free =
+            |x: usize, y: usize| opening.is_some_and(|opening| opening.contains([x as f64 * width, y as f64 * height]));
         let is_on_frame = |x: usize, y: usize| match parts {
-            Some(parts) => parts.around(x, y).contains(&Part::Frame),
+            Some(parts) => parts.around(x, y).contains(&Part::Frame) && !is_free(x, y),
             None => x == 0 || y == 0 || x == columns - 1 || y == rows - 1,
         };
         let corners = 0..columns * rows;
@@ -113,5 +128,12 @@ mod tests {
         assert_eq!([&plain, &framed].map(|device| device.max_on_frame(&moved)), [0.0, 0.25]);
         assert_eq!(plain.with_fixed_frame(&moved), moved);
         assert_eq!(framed.with_fixed_frame(&moved), inner);
+        // An opening that elements follow ends left of the corners of frame cells at x = 2.
+        let opening = |from: f64| Polygons::new(&[vec![[from, 0.0], [8.0, 0.0], [8.0, 3.0], [from, 3.0]]]);
+        for (from, is_free) in [(1.5, true), (2.5, false)] {
+            let opening = opening(from);
+            let fitted = Device::within(membrane, 1, Symmetries::RECTANGLE, Some(&parts), Some(&opening));
+            assert_eq!(row(&fitted), [true, !is_free, false, false, true]);
+        }
     }
 }

@@ -88,7 +88,8 @@ pub(super) struct RectangleScratch {
 
 impl Rectangle {
     pub(super) fn new(grid: &Grid, mass_factor: f64) -> Result<Self, SetupError> {
-        let given = grid.layout();
+        // Mapped elements are no part of vectors.
+        let given = NodeLayout::new(grid.elements(), grid.order());
         let [columns, rows] = given.nodes();
         let axes = if columns > LONG * rows { [1, 0] } else { [0, 1] };
         let layout = NodeLayout::new(axes.map(|axis| grid.elements()[axis]), grid.order());

@@ -7,6 +7,9 @@ use super::raster::PatternForm;
 use deaflow_array::{Array, ArrayError, ArrayFile, Format};
 use deaflow_base::listed;
 
+/// A note on patterns whose elements followed drawn electrodes.
+const DRAWN: &str = "the electrodes were drawn with fitted edges; here they are the cells whose centre was in a shape";
+
 /// Cells read at a time: 8 MB of numbers.
 const SLICE: usize = 1_000_000;
 
@@ -18,7 +21,8 @@ pub(super) fn read(
     form: PatternForm,
 ) -> Result<FilePatterns, PatternFileError> {
     let fits = |shape: &[u64]| count(shape, form).is_ok();
-    let array = find(path, format, dataset, fits)?;
+    let file = ArrayFile::open(path, format)?;
+    let array = find(&file, format, dataset, fits)?;
     let n = count(array.shape(), form)?;
     array.check()?;
     let mut cells = Cells::new(form, n);
@@ -32,12 +36,19 @@ pub(super) fn read(
     }
     let mut read = cells.finish()?;
     read.notes.extend(array.notes());
+    let group = dataset
+        .and_then(|name| name.rsplit_once('/'))
+        .map_or("", |(group, _)| group);
+    if format.has_names() && file.find(&format!("{group}/electrodes/polygons"))?.is_some() {
+        read.notes.push(DRAWN.to_owned());
+    }
     Ok(read)
 }
 
 /// Returns the numbers of columns and rows of an array of patterns.
 pub(super) fn sides(path: &Path, format: Format, dataset: Option<&str>) -> Result<[usize; 2], PatternFileError> {
-    let array = find(path, format, dataset, |shape| matches!(shape.len(), 2 | 3))?;
+    let file = ArrayFile::open(path, format)?;
+    let array = find(&file, format, dataset, |shape| matches!(shape.len(), 2 | 3))?;
     let side = |length: u64| usize::try_from(length).unwrap_or(usize::MAX);
     match *array.shape() {
         [rows, columns] | [_, rows, columns] => Ok([side(columns), side(rows)]),
@@ -49,12 +60,11 @@ pub(super) fn sides(path: &Path, format: Format, dataset: Option<&str>) -> Resul
 }
 
 fn find(
-    path: &Path,
+    file: &ArrayFile,
     format: Format,
     dataset: Option<&str>,
     fits: impl Fn(&[u64]) -> bool,
 ) -> Result<Array, PatternFileError> {
-    let file = ArrayFile::open(path, format)?;
     let Some(name) = dataset else {
         if !format.has_names() {
             let only = file.find("")?;

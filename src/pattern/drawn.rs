@@ -1,10 +1,13 @@
-//! Patterns of drawn regions: the cells whose centre lies in the region of an electrode group.
+//! Patterns of drawn regions: the cells whose centre lies in the region of an electrode group, and the exact edges if
+//! elements follow them.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use super::bits::Bits;
 use super::contour::{Contour, Contours};
 use super::drawing::{DrawingFormat, DrawingOptions, read_drawing};
+use super::electrodes::Electrodes;
 use super::file::{FilePatterns, PatternFileError};
 use super::membrane::Membrane;
 use super::raster::{Pattern, PatternForm};
@@ -16,6 +19,16 @@ const ROUNDING: f64 = 1e-3;
 
 /// The largest number of contours of which is told whether they contain a cell.
 const MOST_CONTOURS: usize = 2000;
+
+deaflow_base::words! {
+    /// How the edges of drawn electrodes are followed.
+    pub enum Edges {
+        /// Elements follow the edges.
+        Fitted = "fitted",
+        /// A cell has an electrode if its centre is in a shape.
+        Cells = "cells",
+    }
+}
 
 /// The region of an electrode group.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,7 +54,7 @@ pub(super) fn read(
         let region = Region::Union(filled);
         regions.push(GroupRegion { group, region });
     }
-    let (pattern, of_areas) = pattern_of(&regions, form)?;
+    let (pattern, of_areas) = pattern_of(&regions, form, options.edges)?;
     let mut read = FilePatterns::new(vec![pattern]);
     read.notes.extend(notes.into_iter().chain(of_areas));
     Ok(read)
@@ -52,12 +65,22 @@ pub(super) fn no_cells() -> PatternFileError {
     PatternFileError::new("a drawing has no cells").help("name the scene, which gives size and cells of the membrane")
 }
 
+/// The error for a file of cells where elements shall follow shapes.
+pub(super) fn no_shapes() -> PatternFileError {
+    PatternFileError::new("elements can follow the edges of drawings alone")
+        .help("allowed with fitted edges: .dxf, .svg, and artifacts of a store; of other files the cells are read")
+}
+
 /// Returns the pattern of the regions of electrode groups, and notes on their areas.
 ///
 /// # Errors
 /// When the size of the membrane is not known, a region does not reach it or has a mask of other cells, a group is not
 /// one of the device, or groups overlap.
-pub fn pattern_of(regions: &[GroupRegion], form: PatternForm) -> Result<(Pattern, Vec<String>), PatternFileError> {
+pub fn pattern_of(
+    regions: &[GroupRegion],
+    form: PatternForm,
+    edges: Edges,
+) -> Result<(Pattern, Vec<String>), PatternFileError> {
     let membrane = form.membrane().ok_or_else(no_cells)?;
     let areas = regions.iter().map(|own| areas(own, form, membrane));
     let areas = areas.collect::<Result<Vec<_>, _>>()?;
@@ -73,6 +96,8 @@ pub fn pattern_of(regions: &[GroupRegion], form: PatternForm) -> Result<(Pattern
         .map(|(x, y)| group(x, y))
         .collect();
     let pattern = Pattern::of_form(form, &cells).map_err(|error| PatternFileError::new(error.to_string()))?;
+    let electrodes = (edges == Edges::Fitted).then(|| electrodes(regions, membrane));
+    let pattern = pattern.with_electrodes(electrodes.map(Arc::new));
     let is_several = regions.iter().any(|own| own.group != regions[0].group);
     let notes = regions.iter().zip(areas).zip(&drawn).flat_map(|((own, areas), cells)| {
         let name = if is_several {
@@ -80,13 +105,25 @@ pub fn pattern_of(regions: &[GroupRegion], form: PatternForm) -> Result<(Pattern
         } else {
             String::new()
         };
-        let notes = areas.map(|areas| notes(&own.region, areas, cells, membrane));
+        let notes = areas.map(|areas| match edges {
+            Edges::Cells => notes(&own.region, areas, cells, membrane),
+            Edges::Fitted => outside(areas).into_iter().collect(),
+        });
         notes
             .unwrap_or_default()
             .into_iter()
             .map(move |note| format!("{name}{note}"))
     });
     Ok((pattern, notes.collect()))
+}
+
+/// Returns the exact shapes of groups.
+fn electrodes(regions: &[GroupRegion], membrane: Membrane) -> Electrodes {
+    let groups: Vec<_> = regions
+        .iter()
+        .map(|own| (own.group as u8, own.region.polygons(membrane)))
+        .collect();
+    Electrodes::new(&groups, membrane.size_mm)
 }
 
 /// What is drawn, and what of it lies on the membrane, in mm².
@@ -161,19 +198,23 @@ fn check_overlaps(regions: &[GroupRegion], drawn: &[Bits], membrane: Membrane) -
     Ok(())
 }
 
-/// Says how the area of cells differs from what is drawn.
-fn notes(region: &Region, Areas { drawn, within }: Areas, cells: &Bits, membrane: Membrane) -> Vec<String> {
-    let [width, height] = membrane.cell_mm();
-    let of_cells = cells.count() as f64 * width * height;
-    let mut notes = Vec::new();
+/// Says how much of what is drawn lies outside the membrane.
+fn outside(Areas { drawn, within }: Areas) -> Option<String> {
     let outside = drawn - within;
-    if outside > 1e-6 * drawn {
-        notes.push(format!(
+    (outside > 1e-6 * drawn).then(|| {
+        format!(
             "{} of {} mm² lie outside the membrane",
             four_digits(outside),
             four_digits(drawn)
-        ));
-    }
+        )
+    })
+}
+
+/// Says how the area of cells differs from what is drawn.
+fn notes(region: &Region, areas: Areas, cells: &Bits, membrane: Membrane) -> Vec<String> {
+    let [width, height] = membrane.cell_mm();
+    let (of_cells, within) = (cells.count() as f64 * width * height, areas.within);
+    let mut notes: Vec<String> = outside(areas).into_iter().collect();
     let percent = 100.0 * (of_cells / within - 1.0);
     notes.push(format!(
         "read by the centres of cells: {} mm² are drawn on the membrane, the cells have {} mm² ({percent:+.2} %)",
@@ -226,7 +267,7 @@ mod tests {
             })
             .collect();
         let told = |error: PatternFileError| format!("{error} [{}]", error.own_advice().unwrap_or_default());
-        let (pattern, notes) = pattern_of(&regions, form(groups)).map_err(told)?;
+        let (pattern, notes) = pattern_of(&regions, form(groups), Edges::Cells).map_err(told)?;
         let text = |row: &[u8]| {
             row.iter()
                 .map(|cell| ['.', '1', '2'][usize::from(*cell)])

@@ -130,7 +130,7 @@ impl FilePatterns {
         let mut notes = Vec::new();
         let count = |is_such: fn(&Pattern) -> bool| patterns.iter().filter(|pattern| is_such(pattern)).count();
         let bare = count(|pattern| pattern.groups() == 0);
-        let full = count(|pattern| pattern.cells().iter().all(|cell| *cell != 0));
+        let full = count(|pattern| pattern.electrodes().is_none() && pattern.cells().iter().all(|cell| *cell != 0));
         for (found, what) in [(bare, "has no electrode"), (full, "is covered completely")] {
             match (found, patterns.len()) {
                 (0, _) => {}

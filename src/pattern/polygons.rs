@@ -25,9 +25,12 @@ pub struct Borders {
     pub opening: Option<Polygons>,
     /// Each body.
     pub bodies: Vec<Polygons>,
-    /// Electrodes with their group, from 1, which do not overlap; without any, electrodes are those of a pattern.
-    pub electrodes: Vec<(u8, Polygons)>,
+    /// Electrode groups, from 1, which do not overlap; `None` if electrodes are the cells of a pattern.
+    pub electrodes: Option<Vec<(u8, Polygons)>>,
 }
+
+/// Width in mm below which a part of a region is due to rounding; outlines are within 1e-6 mm of curves.
+const THINNEST: f64 = 1e-5;
 
 /// By how much regions may differ in mm² and count as equal, for rounding and flattened arcs.
 const EQUAL: f64 = 1e-3;
@@ -49,7 +52,7 @@ impl Borders {
             };
             regions
                 .iter()
-                .all(|region| region.mapped(turned).is_within(EQUAL, region))
+                .all(|region| region.moved(turned).is_within(EQUAL, region))
         })
     }
 }
@@ -92,10 +95,21 @@ impl Polygons {
         Self::new(&rings)
     }
 
+    /// Creates a region from rings that do not cross: outer ones anticlockwise, holes clockwise.
+    #[must_use]
+    pub fn of_rings(rings: Vec<Vec<Point>>) -> Self {
+        Self { rings }
+    }
+
     /// Creates the whole rectangle of a membrane.
     #[must_use]
     pub fn of_membrane(membrane: Membrane) -> Self {
-        let [width, height] = membrane.size_mm;
+        Self::of_rectangle(membrane.size_mm)
+    }
+
+    /// Creates a rectangle with its lower left corner at the origin.
+    #[must_use]
+    pub fn of_rectangle([width, height]: [f64; 2]) -> Self {
         Self::new(&[vec![[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]]])
     }
 
@@ -108,6 +122,39 @@ impl Polygons {
         Self {
             rings: shapes.into_iter().flatten().collect(),
         }
+    }
+
+    /// Returns the region with coordinates of so many decimal places.
+    pub(super) fn rounded(&self, decimals: i32) -> Self {
+        let scale = 10_f64.powi(decimals);
+        let rounded = |point: &Point| point.map(|at| (at * scale).round() / scale + 0.0);
+        let ring = |ring: &Vec<Point>| -> Vec<Point> { ring.iter().map(rounded).collect() };
+        Self {
+            rings: self.rings.iter().map(ring).collect(),
+        }
+    }
+
+    /// Returns the region without parts and holes that rounding leaves where borders coincide.
+    #[must_use]
+    pub fn without_slivers(&self) -> Self {
+        let is_wide = |ring: &&Vec<Point>| {
+            let edges = || ring.iter().zip(ring.iter().cycle().skip(1));
+            let area: f64 = edges().map(|(a, b)| 0.5 * cross(*a, *b)).sum();
+            let length: f64 = edges().map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1])).sum();
+            2.0 * area.abs() > THINNEST * length
+        };
+        Self {
+            rings: self.rings.iter().filter(is_wide).cloned().collect(),
+        }
+    }
+
+    /// Returns whether a point is in the region.
+    #[must_use]
+    pub fn contains(&self, [x, y]: Point) -> bool {
+        let crossed = self
+            .edges()
+            .filter(|[[a, b], [c, d]]| (*b > y) != (*d > y) && x < a + (y - b) / (d - b) * (c - a));
+        crossed.count() % 2 == 1
     }
 
     /// Returns the polygons; the last point of each is joined to the first.
@@ -146,15 +193,23 @@ impl Polygons {
         self.combined(other, OverlayRule::Xor).area() <= area
     }
 
-    /// Returns the region with all points mapped.
-    #[must_use]
-    pub fn mapped(&self, point: impl Fn(Point) -> Point) -> Self {
-        let rings: Vec<Vec<Point>> = self
-            .rings
-            .iter()
-            .map(|ring| ring.iter().map(|at| point(*at)).collect())
-            .collect();
-        Self::new(&rings)
+    /// Returns the image under a map that keeps distances.
+    pub(super) fn moved(&self, point: impl Fn(Point) -> Point) -> Self {
+        let [origin, right, up] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(&point);
+        let is_mirrored = cross(
+            [right[0] - origin[0], right[1] - origin[1]],
+            [up[0] - origin[0], up[1] - origin[1]],
+        ) < 0.0;
+        let ring = |ring: &Vec<Point>| -> Vec<Point> {
+            let mut image: Vec<Point> = ring.iter().map(|at| point(*at)).collect();
+            if is_mirrored {
+                image.reverse();
+            }
+            image
+        };
+        Self {
+            rings: self.rings.iter().map(ring).collect(),
+        }
     }
 
     /// Returns the area in mm².

@@ -1,7 +1,9 @@
 //! The raster of cells that carries a pattern.
 
 use std::fmt;
+use std::sync::Arc;
 
+use super::electrodes::Electrodes;
 use super::membrane::Membrane;
 use super::symmetry::{Symmetries, Symmetry};
 use deaflow_base::OrbitId;
@@ -22,6 +24,8 @@ pub struct Raster {
 pub struct Pattern {
     raster: Raster,
     cells: Box<[u8]>,
+    /// The shapes of the electrodes, if elements follow them. The cells are then those with their centre in a shape.
+    electrodes: Option<Arc<Electrodes>>,
 }
 
 /// The raster, the number of electrode groups and the size of the patterns of a device.
@@ -230,6 +234,7 @@ impl Pattern {
             None => Ok(Self {
                 raster,
                 cells: cells.into(),
+                electrodes: None,
             }),
         }
     }
@@ -247,7 +252,20 @@ impl Pattern {
         Self {
             raster,
             cells: (0..raster.cells()).map(|i| group(i % columns, i / columns)).collect(),
+            electrodes: None,
         }
+    }
+
+    /// Returns the pattern with electrodes whose edges elements follow, and whose cells are those of the pattern.
+    #[must_use]
+    pub fn with_electrodes(self, electrodes: Option<Arc<Electrodes>>) -> Self {
+        Self { electrodes, ..self }
+    }
+
+    /// Returns the shapes of the electrodes, if elements follow them; `None` if electrodes are those of the cells.
+    #[must_use]
+    pub fn electrodes(&self) -> Option<&Arc<Electrodes>> {
+        self.electrodes.as_ref()
     }
 
     /// Returns the raster.
@@ -282,10 +300,12 @@ impl Pattern {
         self.cells[y * columns + x]
     }
 
-    /// Returns the highest electrode group of a cell; 0 if all cells are bare.
+    /// Returns the highest electrode group of a cell or a shape; 0 without electrodes.
     #[must_use]
     pub fn groups(&self) -> usize {
-        self.cells.iter().max().map_or(0, |&group| usize::from(group))
+        let drawn = self.electrodes.iter().flat_map(|electrodes| electrodes.groups());
+        let all = self.cells.iter().chain(drawn.map(|(group, _)| group));
+        all.max().map_or(0, |&group| usize::from(group))
     }
 
     /// Returns the cells of one group as a pattern of one group.
@@ -294,6 +314,7 @@ impl Pattern {
         Self {
             raster: self.raster,
             cells: self.cells.iter().map(|&cell| u8::from(cell == group)).collect(),
+            electrodes: None,
         }
     }
 
@@ -308,6 +329,7 @@ impl Pattern {
         Self {
             raster: self.raster,
             cells: self.cells.iter().map(exchanged).collect(),
+            electrodes: None,
         }
     }
 
@@ -329,8 +351,12 @@ impl Pattern {
         for (&cell, to) in self.cells.iter().zip(g.permutation(self.raster.sides())) {
             cells[to] = cell;
         }
-        let raster = self.raster.transformed(g);
-        Self { raster, cells }
+        let image = |electrodes: &Arc<Electrodes>| Arc::new(electrodes.transformed(g));
+        Self {
+            raster: self.raster.transformed(g),
+            cells,
+            electrodes: self.electrodes.as_ref().map(image),
+        }
     }
 
     /// Returns the id shared by a pattern and its images under a group that keeps the raster: the digest of the
@@ -338,14 +364,14 @@ impl Pattern {
     #[must_use]
     pub fn orbit(&self, group: Symmetries) -> OrbitId {
         let smallest = group.iter().map(|g| self.transformed(g)).min();
-        let cells = &smallest.as_ref().unwrap_or(self).cells;
-        match self.raster == Raster::PAPER {
-            true => OrbitId::of(cells),
-            // Different rasters may have the same cell values.
-            false => {
-                let sides = [self.raster.columns, self.raster.rows].map(u16::to_le_bytes);
-                OrbitId::of(&[sides.as_flattened(), cells].concat())
-            }
+        let smallest = smallest.as_ref().unwrap_or(self);
+        let cells = &smallest.cells;
+        // Different rasters may have the same cell values, and different shapes the same cells.
+        let sides = [self.raster.columns, self.raster.rows].map(u16::to_le_bytes);
+        match (&smallest.electrodes, self.raster == Raster::PAPER) {
+            (None, true) => OrbitId::of(cells),
+            (None, false) => OrbitId::of(&[sides.as_flattened(), cells].concat()),
+            (Some(electrodes), _) => OrbitId::of(&[sides.as_flattened(), cells, &electrodes.bytes()].concat()),
         }
     }
 }

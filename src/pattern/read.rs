@@ -9,7 +9,7 @@ use std::fs;
 use std::path::Path;
 
 use super::drawing::{DrawingFormat, DrawingOptions};
-use super::drawn;
+use super::drawn::{self, Edges};
 use super::file::{FilePatterns, PatternFileError};
 use super::png::Greys;
 use super::raster::{Pattern, PatternForm, Raster};
@@ -101,6 +101,7 @@ pub fn read_patterns_of(
     check_file(path)?;
     match kind {
         FileKind::Drawing(format) => drawn::read(path, format, form, drawings),
+        _ if drawings.edges == Edges::Fitted => Err(drawn::no_shapes()),
         _ => read(path, kind, dataset, form, Greys::Covered, drawings.threshold),
     }
 }

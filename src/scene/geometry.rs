@@ -8,7 +8,7 @@ use deaflow_base::{
     Canonical, Decimal, Fields, Force, InputError, Length, Map, Node, NodeValue, Parameter, Schema, SpringRate,
     parameters, words,
 };
-use deaflow_pattern::{Bits, Borders, Membrane, Part, Parts, PartsError, Polygons, Raster};
+use deaflow_pattern::{Bits, Borders, Electrodes, Membrane, Part, Parts, PartsError, Polygons, Raster};
 
 /// A value along x and one along y; equal values are written as one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -298,12 +298,30 @@ impl Geometry {
         of_frame.chain(of_bodies).any(|curves| curves == Curves::Fitted)
     }
 
-    /// Returns the borders that elements follow; `None` if all are those of cells.
+    /// Returns the borders that elements follow, with drawn electrodes if there are any; `None` if all are those of
+    /// cells.
     #[must_use]
-    pub fn borders(&self) -> Option<Arc<Borders>> {
-        if !self.has_fitted_curves() {
+    pub fn borders(&self, electrodes: Option<&Electrodes>) -> Option<Arc<Borders>> {
+        if !self.has_fitted_curves() && electrodes.is_none() {
             return None;
         }
+        let borders = self.borders_of_parts().unwrap_or_default();
+        let on_membrane = |region: &Polygons| {
+            let within = borders
+                .opening
+                .iter()
+                .fold(region.clone(), |all, opening| all.intersection(opening));
+            let outside = borders.bodies.iter().fold(within, |all, body| all.without(body));
+            outside.without_slivers()
+        };
+        let groups = electrodes.iter().flat_map(|electrodes| electrodes.groups());
+        let groups = groups.map(|(group, region)| (*group, on_membrane(region)));
+        let electrodes = electrodes.is_some().then(|| groups.collect());
+        Some(Arc::new(Borders { electrodes, ..borders }))
+    }
+
+    /// Returns the borders of frame and bodies, those of cells included; `None` without frame and bodies.
+    fn borders_of_parts(&self) -> Option<Borders> {
         let frame = self.frame.as_ref();
         let (membrane, parts) = (self.membrane(), self.parts()?);
         let of_cells = |part: Part| Polygons::of_cells(&parts.cells(|at| at == part), membrane);
@@ -316,11 +334,11 @@ impl Geometry {
             None | Some(Curves::Cells) => of_cells(Part::Body(number)),
             Some(Curves::Fitted) => body.shape.region().polygons(membrane),
         });
-        Some(Arc::new(Borders {
+        Some(Borders {
             opening,
             bodies: bodies.collect(),
-            electrodes: Vec::new(),
-        }))
+            electrodes: None,
+        })
     }
 
     fn read_parts(&self) -> Result<Option<Parts>, PartsError> {

@@ -1,5 +1,6 @@
 //! The scene and the values derived from it. Every `Scene` is valid, since reading checks it.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::drive::{Drive, States, UnknownState, Voltages};
@@ -8,7 +9,7 @@ use super::geometry::{Body, Geometry};
 use super::leads::Leads;
 use super::waveform::Waveform;
 use deaflow_base::{Decimal, Stress, Voltage, parameters, words};
-use deaflow_pattern::{Bits, Borders, Membrane, Parts, Pattern, PatternForm, Symmetries};
+use deaflow_pattern::{Bits, Borders, Electrodes, Membrane, Parts, Pattern, PatternForm, Symmetries};
 
 /// ε₀ in F/m (CODATA 2018).
 pub const VACUUM_PERMITTIVITY: f64 = 8.854_187_812_8e-12;
@@ -52,6 +53,9 @@ pub struct Scene {
     pub auto: bool,
     /// Known data beyond the base model.
     pub properties: Properties,
+    /// The drawn electrodes of a pattern, which elements follow; not part of a file. Without them, electrodes are those
+    /// of the cells of any pattern.
+    pub electrodes: Option<Arc<Electrodes>>,
 }
 
 /// The name of a scene in messages.
@@ -103,6 +107,19 @@ impl Scene {
             effects: Effects::default(),
             auto: false,
             properties: Properties::default(),
+            electrodes: None,
+        }
+    }
+
+    /// Returns the scene with the drawn electrodes of a pattern, if it has any.
+    #[must_use]
+    pub fn with_electrodes_of(&self, pattern: &Pattern) -> Cow<'_, Self> {
+        match pattern.electrodes() == self.electrodes.as_ref() {
+            true => Cow::Borrowed(self),
+            false => Cow::Owned(Self {
+                electrodes: pattern.electrodes().cloned(),
+                ..self.clone()
+            }),
         }
     }
 
@@ -230,10 +247,16 @@ impl Scene {
         (0..self.groups()).map(|group| first(group) as u8 + 1).collect()
     }
 
+    /// Returns whether elements follow the borders of frames, bodies or electrodes.
+    #[must_use]
+    pub fn follows_borders(&self) -> bool {
+        self.geometry.has_fitted_curves() || self.electrodes.is_some()
+    }
+
     /// Returns the borders that elements follow; `None` if all are those of cells.
     #[must_use]
     pub fn borders(&self) -> Option<Arc<Borders>> {
-        self.geometry.borders()
+        self.geometry.borders(self.electrodes.as_deref())
     }
 
     /// Returns the part of the device that each cell belongs to; `None` if all are membrane.

@@ -93,6 +93,7 @@ impl Scene {
             effects,
             auto,
             properties,
+            electrodes: None,
         };
         scene.check_resistance(&map)?;
         Ok(scene)

@@ -16,6 +16,7 @@ mod source;
 
 use std::time::Instant;
 
+use super::needed;
 use super::results::named;
 use super::scene::area_revision;
 use contradictions::other_effects;
@@ -23,7 +24,7 @@ use deaflow_base::{
     Canonical, Declared as _, Fields, InputError, Length, Node, NodeValue, Parameter, Schema, Seed, parameters, words,
 };
 use deaflow_content::{Audit, StoredAttribute};
-use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageError};
+use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_scene::Scene;
 use deaflow_store::{Artifact, Object, StoreError};
 use label_limits::Trust;
@@ -70,6 +71,11 @@ impl Kind for AuditKind {
 
     fn needs(&self) -> Needs {
         Needs::new(&AUDITED, 1, 1)
+    }
+
+    fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
+        needed::no_fitted_edges(stage, needs)?;
+        Ok(StageCheck::default())
     }
 
     fn gates(&self) -> bool {

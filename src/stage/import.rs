@@ -235,6 +235,7 @@ fn solutions(rows: Rows, range: Range<usize>, scene: &Scene) -> Solutions {
             family: vec![FROM_FILE.to_owned(); n],
             index: range.map(|row| row as u64).collect(),
             units: vec![0; n],
+            electrodes: None,
         },
         newton_iterations: None,
         residual: None,

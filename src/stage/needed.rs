@@ -6,6 +6,7 @@ use std::ptr;
 use super::scene;
 use deaflow_base::{InputError, Node};
 use deaflow_orchestrator::StageDeclaration;
+use deaflow_pattern::Edges;
 use deaflow_scene::{Difference, Scene};
 
 /// Returns where `needs` names a stage.
@@ -68,6 +69,54 @@ fn read_of(stage: &StageDeclaration<'_>) -> Option<Scene> {
     match stage.kind {
         "verify" => scene::read_all_states(stage.node, stage.scene).ok(),
         _ => scene::read_in_state(stage.node, stage.scene).ok(),
+    }
+}
+
+/// Returns whether a stage draws patterns whose edges elements follow.
+pub fn has_fitted_edges(stage: &StageDeclaration<'_>) -> bool {
+    let edges = stage.node.peek("edges");
+    stage.kind == "patterns" && edges.is_some_and(|edges| edges.is_text(Edges::Fitted.name()))
+}
+
+/// Refuses patterns whose edges elements follow, for a stage that knows the cells of patterns alone.
+///
+/// # Errors
+/// If a need has such patterns.
+pub fn no_fitted_edges(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
+    for need in needs {
+        let (mut open, mut seen) = (VecDeque::from([*need]), BTreeSet::new());
+        while let Some(next) = open.pop_front() {
+            if has_fitted_edges(&next) {
+                let message = format!(
+                    "the patterns of `{}` have fitted edges, but a stage of kind `{}` knows the cells of patterns alone",
+                    next.name, stage.kind
+                );
+                let help = format!("use `edges: cells` in `{}`; fitted edges can be solved", next.name);
+                return Err(named(stage, need.name).error(message).help(help));
+            }
+            if seen.insert(next.name) {
+                open.extend(next.needs());
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Refuses patterns with and without fitted edges in one stage, whose artifacts have other arrays.
+///
+/// # Errors
+/// If the needs have both.
+pub fn one_kind_of_edges(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
+    let fitted = needs.iter().find(|need| has_fitted_edges(need));
+    let other = needs.iter().find(|need| !has_fitted_edges(need));
+    match fitted.zip(other) {
+        None => Ok(()),
+        Some((fitted, other)) => Err(named(stage, other.name)
+            .error(format!(
+                "`{}` has patterns with fitted edges, and `{}` has patterns without",
+                fitted.name, other.name
+            ))
+            .help("solve them in two stages")),
     }
 }
 

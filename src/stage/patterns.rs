@@ -8,10 +8,10 @@ mod shapes;
 use super::files::{self, FileName, NamedFile};
 use super::results;
 use super::sample::{CHUNK, room};
-use deaflow_base::{Canonical, Declared, DigestWriter, Fields, InputError, Map, Node, parameters, words};
-use deaflow_content::{FROM_FILE, SampleRows, Samples};
+use deaflow_base::{Canonical, Declared, DigestWriter, Fields, InputError, Map, Node, parameters};
+use deaflow_content::{DrawnElectrodes, FROM_FILE, SampleRows, Samples};
 use deaflow_orchestrator::{Chunk, Input, Job, Kind, Plan, Stage, StageError};
-use deaflow_pattern::{Bits, DrawingOptions, Pattern, PatternForm, read_patterns_of};
+use deaflow_pattern::{Bits, DrawingOptions, Edges, Pattern, PatternForm, read_patterns_of};
 use deaflow_scene::{Outline, scene_files};
 use deaflow_store::{Artifact, Object};
 use shapes::Drawn;
@@ -55,12 +55,16 @@ impl Kind for PatternsKind {
         let parameters = PatternsParameters::read_with(stage, &["kind"])?;
         let (mut patterns, mut notes) = (Vec::new(), Vec::new());
         if let (Some(drawn), Some(node)) = (&parameters.shapes, stage.peek("shapes")) {
-            let (pattern, told) = shapes::pattern(drawn, node, form)?;
+            let (pattern, told) = shapes::pattern(drawn, node, form, parameters.edges)?;
             patterns.push(pattern);
             notes.extend(told);
         }
+        let drawings = DrawingOptions {
+            edges: parameters.edges,
+            ..DrawingOptions::default()
+        };
         for file in NamedFile::of_stage(stage)? {
-            let read = read_patterns_of(&file.path, file.dataset, form, &DrawingOptions::default());
+            let read = read_patterns_of(&file.path, file.dataset, form, &drawings);
             let read = read.map_err(|refusal| file.refused(&refusal, &refusal.advice(form)))?;
             patterns.extend(read.patterns);
             notes.extend(read.notes.iter().map(|note| format!("{}: {note}", file.name)));
@@ -87,19 +91,11 @@ parameters! {
         files: Option<Vec<FileName>> [((), 1..=1000)],
         /// The shapes and drawings of one pattern, whose groups may not overlap.
         shapes: Option<Vec<Drawn>> [((), 1..=1000)],
-        /// How shapes become cells: by the centres of the cells.
+        /// Whether elements follow the edges of shapes and drawings, or a cell has an electrode if its centre is in one.
         edges: Edges = Edges::Cells,
     }
     rules(shapes::files_or_shapes)
     check(check_source)
-}
-
-words! {
-    /// How the edges of shapes are followed.
-    pub enum Edges {
-        /// A cell has an electrode if its centre is in a shape.
-        Cells = "cells",
-    }
 }
 
 fn check_source(_: &PatternsParameters, map: &Map<'_>) -> Result<(), InputError> {
@@ -140,7 +136,16 @@ fn described(patterns: &[Pattern], free: Option<&Bits>) -> impl Iterator<Item = 
         ("patterns", digest.finish().to_string().as_str().into()),
         ("count", (patterns.len() as u64).into()),
     ];
-    own.into_iter().chain(free.map(room))
+    let is_drawn = patterns.iter().any(|pattern| pattern.electrodes().is_some());
+    let drawn = is_drawn.then(|| {
+        let mut digest = DigestWriter::new();
+        for electrodes in patterns.iter().map(Pattern::electrodes) {
+            let bytes = electrodes.map(|electrodes| electrodes.bytes()).unwrap_or_default();
+            digest.bytes(&bytes);
+        }
+        ("electrodes", digest.finish().to_string().as_str().into())
+    });
+    own.into_iter().chain(free.map(room)).chain(drawn)
 }
 
 impl Stage for PatternsStage {
@@ -196,6 +201,7 @@ impl Stage for PatternsStage {
                 family: vec![FROM_FILE.to_owned(); n],
                 index: (first as u64..).take(n).collect(),
                 units: vec![0; n],
+                electrodes: DrawnElectrodes::of(&patterns),
                 patterns,
             },
         };

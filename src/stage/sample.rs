@@ -282,6 +282,7 @@ fn samples(group: &SampleGroup, range: Range<u64>, patterns: Vec<Pattern>, free:
             family: vec![group.family.name().to_owned(); n],
             index: range.collect(),
             units: vec![group.family.units(); n],
+            electrodes: None,
             patterns,
         },
     }

@@ -70,8 +70,10 @@ pub fn read_in_state(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputE
 
 /// Returns the device of a scene as datasets describe it.
 pub fn device_of(scene: &Scene) -> Device {
-    let parts = scene.parts();
-    Device::new(scene.membrane(), scene.groups(), scene.symmetries(), parts.as_deref())
+    let (parts, borders) = (scene.parts(), scene.borders());
+    let opening = borders.as_ref().and_then(|borders| borders.opening.as_ref());
+    let symmetries = scene.symmetries();
+    Device::within(scene.membrane(), scene.groups(), symmetries, parts.as_deref(), opening)
 }
 
 /// Returns a number to add to the RECIPE of kinds whose area fractions are those in the scene of a pipeline.

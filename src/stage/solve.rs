@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use super::{drive_check, results, scene, solution};
+use super::{drive_check, needed, results, scene, solution};
 use deaflow_base::{Canonical, Fields, InputError, Node};
 use deaflow_content::{SAMPLED, Samples, Solutions};
 use deaflow_fem::screening::resolve;
@@ -51,7 +51,15 @@ impl Kind for SolveKind {
         vec![SolverParameters::schema(scene::with_state(fields), MESH)]
     }
 
-    fn check(&self, stage: &StageDeclaration<'_>, _needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
+    fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
+        needed::one_kind_of_edges(stage, needs)?;
+        if let Some(fitted) = needs.iter().find(|need| needed::has_fitted_edges(need))
+            && let Ok(scene) = scene::read_in_state(stage.node, stage.scene)
+            && scene.effects.fringe_field.is_some()
+        {
+            let fault = SetupError::Curves { with: "fringe fields" };
+            return Err(needed::named(stage, fitted.name).error(fault.to_string()));
+        }
         Ok(drive_check::check_simulations(stage))
     }
 
@@ -150,7 +158,11 @@ impl Stage for SolveStage {
             ));
         };
         let rows = Samples::open(samples)?.rows().read()?;
-        let failed = StageError::failed;
+        let rows = rows.drawn().map_err(|e| StageError::in_artifact(samples, e))?;
+        let failed = |error: SetupError| match error.is_of_the_scene() {
+            true => StageError::input(error),
+            false => StageError::failed(error),
+        };
         let Ready { effects, solver } = self.ready().map_err(failed)?;
         let mut simulations = Vec::with_capacity(rows.patterns.len());
         let mut histories = Vec::new();

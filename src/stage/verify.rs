@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use super::design::{self, amplitude_solver};
 use super::results::of_targets;
-use super::{drive_check, patterns, scene, solution};
+use super::{drive_check, needed, patterns, scene, solution};
 use deaflow_base::{Canonical, Document, Fields, InputError, Map, Node};
 use deaflow_content::{Components, DesignRows, Designs, Packed, SimulatedStates, Verification, predicted_rows};
 use deaflow_design::{Goal, Objective, PlannedDesign, ResponseKind};
@@ -107,6 +107,7 @@ impl Kind for VerifyKind {
     }
 
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
+        needed::no_fitted_edges(stage, needs)?;
         let map = stage.node.fields(WHAT, &keys())?;
         let solver = SolverParameters::read(&map, MESH)?;
         let designs = needs.iter().filter(|need| need.kind == "design").map(design::planned);

@@ -159,3 +159,146 @@ fn shapes_are_drawn_and_swept() {
         );
     }
 }
+
+/// A scene with a disc of 20 mm as membrane, at 5 kV.
+fn disc_scene(curves: &str) -> String {
+    format!(
+        "geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50, frame: {{ opening: {{ disc: {{ centre: [25 mm, \
+         25 mm], radius: 20 mm }} }}, curves: {curves} }} }}\nmaterial: {{ model: neo-hookean, shear_modulus: 45 kPa, \
+         relative_permittivity: 4.7 }}\ndrive: {{ voltage: 5 kV }}\neffects: {{}}\n"
+    )
+}
+
+#[test]
+fn elements_follow_drawn_electrodes() {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &disc_scene("fitted"));
+    example(&workspace, "d1_circle.dxf");
+    workspace.write(
+        "disc.svg",
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"50mm\" height=\"50mm\" viewBox=\"0 0 50 50\"><circle \
+         cx=\"25\" cy=\"25\" r=\"10\"/></svg>",
+    );
+    // The closed form of a disc electrode of 10 mm: 1.0482346 mm at its edge.
+    let largest = |arguments: &[&str]| {
+        let ended = workspace.run(
+            &[
+                &[
+                    "solve",
+                    "scene.yaml",
+                    "--json",
+                    "--no-checks",
+                    "--elements-per-cell",
+                    "1",
+                ],
+                arguments,
+            ]
+            .concat(),
+        );
+        assert_eq!(ended.code, Some(0), "{arguments:?}: {}", ended.stderr);
+        let found = ended.json();
+        assert!(!found["notes"].to_string().contains("centres of cells"), "{found}");
+        found["patterns"][0]["max_displacement_mm"].as_f64().unwrap()
+    };
+    let fitted = ["disc.svg", "--edges", "fitted"];
+    assert!((largest(&[&fitted[..], &["--order", "2"]].concat()) - 1.048_234_6).abs() < 1e-4);
+    assert!((largest(&fitted) - 1.048_234_6).abs() < 2e-3);
+    let file = ["-o", "out.h5", "--order", "2"];
+    largest(&[&fitted[..], &file].concat());
+    // The drawn shape is in the result, and is read from there.
+    let again = largest(&["out.h5:/patterns", "--order", "2"]);
+    assert!(
+        (again - 1.048_234_6).abs() > 1e-3,
+        "cells are read from a file that is no artifact: {again}"
+    );
+    workspace.write("coarse.yaml", &disc_scene("fitted").replace("cells: 50", "cells: 16"));
+    for (arguments, says) in [
+        (&["--modes", "1"][..], "density"),
+        (&["--history", "--at", "0 s", "-o", "h.h5"], ""),
+        (&["--path", "-o", "p.h5"], ""),
+        (&["--cells", "--no-checks", "-o", "c.h5"], ""),
+        (&["--accuracy", "0.1 mm", "--no-checks"], ""),
+    ] {
+        let ended = workspace.run(&[&["solve", "coarse.yaml"], &fitted[..], arguments].concat());
+        let is_expected = match says {
+            "" => ended.code == Some(0),
+            says => ended.code == Some(2) && ended.stderr.contains(says),
+        };
+        assert!(is_expected, "{arguments:?}: {:?} {}", ended.code, ended.stderr);
+    }
+    workspace.write("cells.csv", &pattern(|x, _| u8::from(x < 25)));
+    let ended = workspace.run(&["solve", "scene.yaml", "cells.csv", "--edges", "fitted"]);
+    assert!(
+        ended.code == Some(2) && ended.stderr.contains("elements can follow the edges of drawings alone"),
+        "{}",
+        ended.stderr
+    );
+}
+
+#[test]
+fn drawn_electrodes_are_kept_in_artifacts() {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &disc_scene("cells"));
+    let pipeline = |edges: &str, more: &str| {
+        workspace.write(
+            "rings.yaml",
+            &format!(
+                "version: 1\nname: rings\nscene: scene.yaml\nstages:\n  own: {{ foreach: {{ r: [9 mm, 10 mm, 10.2 mm] }}, \
+                 kind: patterns, edges: {edges}, shapes: [{{ ring: {{ centre: [25 mm, 25 mm], radii: [3 mm, '${{r}}'] }} }}] }}\n  \
+                 plain: {{ kind: sample, family: blobs, count: 2, seed: 1 }}\n  \
+                 solved: {{ kind: solve, needs: [own], gather: true, elements_per_cell: 1 }}\n{more}"
+            ),
+        );
+    };
+    let run = || {
+        let ended = workspace.run(&["run", "rings.yaml", "--json"]);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        ended.json()
+    };
+    let displacement = || {
+        let shown = workspace.run(&["show", "rings.yaml:solved", "--csv"]);
+        assert_eq!(shown.code, Some(0), "{}", shown.stderr);
+        shown.stdout
+    };
+    pipeline("cells", "");
+    run();
+    let of_cells = displacement();
+    pipeline("fitted", "");
+    let first = run();
+    let fitted = displacement();
+    assert_ne!(of_cells, fitted);
+    // Nothing is built twice.
+    let again = run();
+    let built = |run: &Value, stage: &str| {
+        let stages = run["stages"].as_array().unwrap().iter();
+        let found = stages
+            .clone()
+            .find(|found| found["name"] == stage)
+            .unwrap_or_else(|| panic!("{run}"));
+        found["chunks_built"].as_u64().unwrap_or_else(|| panic!("{found}"))
+    };
+    assert_eq!((built(&first, "solved"), built(&again, "solved")), (3, 0));
+    // 10 mm and 10.2 mm have the same cells but not the same electrode.
+    let rows: Vec<&str> = fitted.lines().collect();
+    assert!(rows.len() == 4 && rows[2] != rows[3], "{fitted}");
+    for (more, says) in [
+        (
+            "  balanced: { kind: balance, needs: [solved], bins: 4, range: [0 mm, 2 mm], target: 3, seed: 1 }\n",
+            "fitted edges",
+        ),
+        ("  checked: { kind: audit, needs: [solved] }\n", "fitted edges"),
+        (
+            "  both: { kind: solve, needs: [own, plain], gather: true }\n",
+            "solve them in two stages",
+        ),
+    ] {
+        pipeline("fitted", more);
+        let ended = workspace.run(&["plan", "rings.yaml"]);
+        assert!(
+            ended.code == Some(2) && ended.stderr.contains(says),
+            "{more}: {:?} {}",
+            ended.code,
+            ended.stderr
+        );
+    }
+}

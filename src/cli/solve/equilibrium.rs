@@ -5,14 +5,14 @@ use std::time::Instant;
 use rayon::prelude::*;
 use serde_json::json;
 
-use super::simulation::{Form, Simulation, States};
+use super::simulation::{Form, PatternSolver, Simulation, States};
 use super::{SolveArguments, cells};
 use crate::job::{JobResult, seconds_each};
 use crate::point::Probe;
 use crate::results::{AccuracyResult, CriticalBracket, Peak, SampleId, SampleResult, document, remarks, text};
 use crate::{CliError, Exit, Output};
 use deaflow_base::Progress;
-use deaflow_content::{Lines, Observations, Packed, SolveFile};
+use deaflow_content::{DrawnElectrodes, Lines, Observations, Packed, SolveFile};
 use deaflow_fem::effects::Examined;
 use deaflow_fem::screening::{ScreenedScene, TestPattern, examined, observing_breakdown, resolve, resolve_states};
 use deaflow_fem::{
@@ -269,8 +269,10 @@ fn content(simulation: &Simulation<'_>, runs: &[StateRun], probe: Option<Probe>,
             None => displacement.extend(std::iter::repeat_n(f64::NAN, row)),
         }
     }
+    let patterns: Vec<Pattern> = samples().map(|(index, _)| simulation.patterns[index].clone()).collect();
     SolveFile {
-        patterns: samples().map(|(index, _)| simulation.patterns[index].clone()).collect(),
+        electrodes: DrawnElectrodes::of(&patterns),
+        patterns,
         displacement: Packed(displacement),
         outcome: solutions
             .iter()
@@ -331,19 +333,22 @@ fn near_limit(
         _ => return Ok(none),
     };
     let tolerance = parameters.tolerance();
-    let Some(search) = CriticalSearch::if_in_question(scene, SolveOptions { mesh, tolerance })? else {
+    let options = SolveOptions { mesh, tolerance };
+    let searches = PatternSolver::new(scene, |scene| CriticalSearch::if_in_question(scene, options))?;
+    if searches.usual().is_none() {
         return Ok(none);
-    };
+    }
     let is_far_where_taut = scene.effects.wrinkling.is_some() && CriticalSearch::is_far_from_any_taut(scene)?;
     let is_in_question = |AccurateSimulation { simulation, .. }: &AccurateSimulation| {
         let is_taut = simulation.observation.wrinkled_fraction() == Some(0.0);
         simulation.field.is_some() && !(is_far_where_taut && is_taut)
     };
     let solved = patterns.par_iter().zip(solutions);
-    let doubt = |(pattern, solution)| {
-        is_in_question(solution)
-            .then(|| search.uncertain_limit(pattern))
-            .flatten()
+    let doubt = |(pattern, solution): (&Pattern, _)| {
+        if !is_in_question(solution) {
+            return Ok(None);
+        }
+        Ok(searches.with(pattern, |search| search.as_ref()?.uncertain_limit(pattern))?)
     };
-    Ok(solved.map(doubt).collect())
+    solved.map(doubt).collect()
 }

@@ -4,16 +4,17 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::SolveArguments;
-use super::simulation::{Form, Simulation, States};
+use super::simulation::{Form, PatternSolver, Simulation, States};
 use crate::arguments::quantity;
 use crate::job::{Attachments, JobResult};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
 use deaflow_base::{Dimension, Time, error_digits, four_digits, rounded_by};
-use deaflow_content::{Histories, Lines, Packed};
+use deaflow_content::{DrawnElectrodes, Histories, Lines, Packed};
 use deaflow_fem::screening::{ScreenedScene, TestPattern};
-use deaflow_fem::{AccurateHistory, History, HistorySolver, Instant, USUAL_TIME_ERROR};
+use deaflow_fem::{AccurateHistory, History, Instant, USUAL_TIME_ERROR};
 use deaflow_field::{Field, Mesh, Motion};
+use deaflow_pattern::Pattern;
 use deaflow_report::figures::{self, histories_sheet};
 use deaflow_scene::{Scene, Side};
 
@@ -156,8 +157,11 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     let mut screened = ScreenedScene::for_patterns(&simulation.scene, &tests, arguments.time.work_limit())?;
     screened.warnings_in_time.extend(screened.breakdown_warning.take());
     let parameters = arguments.parameters();
-    let solver = parameters.history_solver(&screened.scene, times.clone())?;
-    let (followed, displacement) = follow(&simulation, &solver)?;
+    let set_up = |scene: &Scene| parameters.history_solver(scene, times.clone());
+    let solver = PatternSolver::new(&screened.scene, set_up)?;
+    let (followed, displacement) = follow(&simulation, times.len(), |pattern| {
+        Ok(solver.with(pattern, |solver| solver.follow(pattern))??)
+    })?;
     let missed = missed(&followed, parameters.accuracy().map(|accuracy| accuracy.value()));
     let mut text = Text::of(overview(&followed));
     for (_, line) in &missed {
@@ -224,8 +228,12 @@ impl PatternHistory {
 }
 
 /// Simulates the histories; returns them, and the displacement of all at all times.
-fn follow(simulation: &Simulation<'_>, solver: &HistorySolver) -> Result<(Vec<PatternHistory>, Vec<f64>), CliError> {
-    let (patterns, times) = (simulation.patterns.len(), solver.times().len());
+fn follow(
+    simulation: &Simulation<'_>,
+    times: usize,
+    history: impl Fn(&Pattern) -> Result<AccurateHistory, CliError> + Sync,
+) -> Result<(Vec<PatternHistory>, Vec<f64>), CliError> {
+    let patterns = simulation.patterns.len();
     let numbers = times * 2 * simulation.scene.membrane().raster.corners();
     let mut displacement: Vec<f64> = Vec::new();
     displacement.try_reserve_exact(patterns * numbers).map_err(|_| {
@@ -236,10 +244,9 @@ fn follow(simulation: &Simulation<'_>, solver: &HistorySolver) -> Result<(Vec<Pa
         .help("simulate fewer patterns at once, or use a `solve` stage with a `history`, which writes them in chunks")
     })?;
     let mut followed = Vec::with_capacity(patterns);
-    simulation.run(
-        |pattern| Ok(solver.follow(pattern)?),
-        |found, seconds| followed.push(PatternHistory::new(found, seconds, numbers, &mut displacement)),
-    )?;
+    simulation.run(history, |found, seconds| {
+        followed.push(PatternHistory::new(found, seconds, numbers, &mut displacement));
+    })?;
     Ok((followed, displacement))
 }
 
@@ -281,6 +288,7 @@ fn histories(
     };
     Histories {
         patterns: simulation.patterns.clone(),
+        electrodes: DrawnElectrodes::of(&simulation.patterns),
         time: times.to_vec(),
         voltage: times.iter().map(drive_voltage).collect(),
         electrode_voltage: has_electrode_voltage.then(|| of_instant(|instant| instant.voltage)),

@@ -5,15 +5,15 @@ use serde_json::{Value, json};
 
 use super::SolveArguments;
 use super::history::TIME;
-use super::simulation::{Form, Simulation, States};
+use super::simulation::{Form, PatternSolver, Simulation, States};
 use crate::arguments::integer;
 use crate::job::JobResult;
 use crate::text::Text;
 use crate::{CliError, Exit, Output, table};
 use deaflow_base::four_digits;
-use deaflow_content::{Packed, Vibrations};
+use deaflow_content::{DrawnElectrodes, Packed, Vibrations};
 use deaflow_fem::screening::resolve;
-use deaflow_fem::{MOST_MODES, MembraneSolver, Vibration};
+use deaflow_fem::{MOST_MODES, MembraneSolver, SetupError, Vibration};
 use deaflow_scene::Scene;
 
 /// The warning about modes out of the plane, the lowest of which are about as low as those in it.
@@ -49,10 +49,16 @@ const FORM: Form = Form {
 pub fn execute(arguments: &SolveArguments, count: u64, output: &Output) -> Result<Exit, CliError> {
     let simulation = Simulation::read(arguments, &FORM)?;
     let scene = resolve(&simulation.scene)?;
-    let solver = MembraneSolver::new(&scene, arguments.options())?.within(arguments.time.work_limit());
+    let solver = PatternSolver::new(&scene, |scene| {
+        let solver = MembraneSolver::new(scene, arguments.options())?;
+        Ok::<_, SetupError>(solver.within(arguments.time.work_limit()))
+    })?;
     let (mut found, mut seconds) = (Vec::new(), Vec::new());
     simulation.run(
-        |pattern| Ok(solver.vibration(pattern, count as usize, arguments.modes.lumped)?),
+        |pattern| {
+            let vibration = |solver: &MembraneSolver| solver.vibration(pattern, count as usize, arguments.modes.lumped);
+            Ok(solver.with(pattern, vibration)??)
+        },
         |vibration, time| {
             found.push(vibration);
             seconds.push(time);
@@ -106,6 +112,7 @@ fn content(
     }
     Vibrations {
         patterns: simulation.patterns.clone(),
+        electrodes: DrawnElectrodes::of(&simulation.patterns),
         outcome: found.iter().map(|one| one.outcome.kind()).collect(),
         displacement: Packed(displacement),
         mode: (1..=count as u64).collect(),

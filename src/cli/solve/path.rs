@@ -4,15 +4,15 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::SolveArguments;
-use super::simulation::{Form, Simulation, States};
+use super::simulation::{Form, PatternSolver, Simulation, States};
 use crate::job::{Attachments, JobResult};
 use crate::results::with_error;
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
 use deaflow_base::{Progress, four_digits};
-use deaflow_content::LoadPaths;
+use deaflow_content::{DrawnElectrodes, LoadPaths};
 use deaflow_fem::screening::resolve;
-use deaflow_fem::{CriticalSearch, CriticalVoltage, LoadPath, MembraneSolver, MeshLimit, PathEvent};
+use deaflow_fem::{CriticalSearch, CriticalVoltage, LoadPath, MembraneSolver, MeshLimit, PathEvent, SetupError};
 use deaflow_pattern::Pattern;
 use deaflow_report::figures::{Branch, Limit, paths_sheet};
 use deaflow_scene::Scene;
@@ -36,12 +36,18 @@ const FORM: Form = Form {
 pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliError> {
     let simulation = Simulation::read(arguments, &FORM)?;
     let scene = resolve(&simulation.scene)?;
-    let solver = MembraneSolver::new(&scene, arguments.options())?;
-    let search = CriticalSearch::new(&scene, arguments.options())?;
+    let options = arguments.options();
+    let solvers = PatternSolver::new(&scene, |scene| {
+        let solver = MembraneSolver::new(scene, options)?;
+        Ok::<_, SetupError>((solver, CriticalSearch::new(scene, options)?))
+    })?;
     let follow = |pattern: &Pattern| -> Result<PatternPath, CliError> {
-        let path = solver.path(pattern);
-        let limit = path.as_ref().and_then(LoadPath::limit);
-        let critical = limit.map(|limit| search.from(pattern, solver.mesh(), limit.voltage));
+        let (path, critical) = solvers.with(pattern, |(solver, search)| {
+            let path = solver.path(pattern);
+            let limit = path.as_ref().and_then(LoadPath::limit);
+            let critical = limit.map(|limit| search.from(pattern, solver.mesh(), limit.voltage));
+            (path, critical)
+        })?;
         simulation.job.bar.advance(1);
         let path = path.ok_or_else(|| CliError::failure("not enough memory for the factors of the tangent"))?;
         Ok(PatternPath { path, critical })
@@ -176,6 +182,7 @@ fn load_paths(patterns: &[Pattern], followed: &[PatternPath], scene: Scene) -> L
     let limit = |path: &&LoadPath| path.limit().map_or("none", |limit| limit.kind.name()).to_owned();
     LoadPaths {
         patterns: patterns.to_vec(),
+        electrodes: DrawnElectrodes::of(patterns),
         event_offsets: offsets(paths.iter().map(|path| path.events.len())),
         point_offsets,
         voltage: points().map(|p| p.voltage).collect(),

@@ -6,13 +6,13 @@ use serde_json::{Value, json};
 use super::SolveArguments;
 use super::history::TIME;
 use super::modes::OUT_OF_PLANE;
-use super::simulation::{Form, Simulation, States};
+use super::simulation::{Form, PatternSolver, Simulation, States};
 use crate::arguments::{integer, quantity};
 use crate::job::{Attachments, JobResult};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
 use deaflow_base::{Dimension, four_digits, with_minus};
-use deaflow_content::{FrequencyResponses, Lines, Packed};
+use deaflow_content::{DrawnElectrodes, FrequencyResponses, Lines, Packed};
 use deaflow_fem::screening::resolve;
 use deaflow_fem::{AtFrequency, FrequencyResponse, FrequencySolver, SetupError, at_bias};
 use deaflow_field::Field;
@@ -100,10 +100,11 @@ pub fn execute(arguments: &SolveArguments, range: FrequencyRange, output: &Outpu
     let frequencies = range.frequencies(arguments.response.points.unwrap_or(DEFAULT_POINTS));
     check_size(&simulation.patterns, frequencies.len())?;
     let scene = resolve(&at_bias(&simulation.scene))?;
-    let solver = FrequencySolver::new(&scene, arguments.options(), arguments.time.work_limit()).map_err(with_help)?;
+    let set_up = |scene: &Scene| FrequencySolver::new(scene, arguments.options(), arguments.time.work_limit());
+    let solver = PatternSolver::new(&scene, set_up).map_err(with_help)?;
     let (mut found, mut solve_seconds) = (Vec::new(), Vec::new());
     simulation.run(
-        |pattern| Ok(solver.respond(pattern, &frequencies)),
+        |pattern| Ok(solver.with(pattern, |solver| solver.respond(pattern, &frequencies))?),
         |response, seconds| {
             found.push(response);
             solve_seconds.push(seconds);
@@ -249,6 +250,7 @@ fn content(
     let outcomes = |one| (0..frequencies.len()).map(move |at| outcome_at(one, at).to_owned());
     FrequencyResponses {
         patterns: simulation.patterns.clone(),
+        electrodes: DrawnElectrodes::of(&simulation.patterns),
         outcome: found.iter().map(|one| one.outcome.kind()).collect(),
         bias: vec![scene.voltage_v(); found.len()],
         displacement: Packed(displacement),

@@ -1,5 +1,6 @@
 //! The steps that all forms of `solve` share: read the scene and the patterns, simulate, write the files and report.
 
+use std::borrow::Cow;
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -33,6 +34,40 @@ pub enum States {
     Drive,
     /// The one that must be chosen, since it computes this.
     Chosen(&'static str),
+}
+
+/// The solver of a scene, and its own one for each pattern with drawn electrodes, whose elements follow them.
+pub struct PatternSolver<'a, S, F> {
+    scene: &'a Scene,
+    set_up: F,
+    usual: S,
+}
+
+impl<'a, S, E, F: Fn(&Scene) -> Result<S, E>> PatternSolver<'a, S, F> {
+    /// Sets up the solver of a scene.
+    ///
+    /// # Errors
+    /// When it cannot be set up.
+    pub fn new(scene: &'a Scene, set_up: F) -> Result<Self, E> {
+        let usual = set_up(scene)?;
+        Ok(Self { scene, set_up, usual })
+    }
+
+    /// Returns the solver of patterns without drawn electrodes.
+    pub fn usual(&self) -> &S {
+        &self.usual
+    }
+
+    /// Runs the solver of a pattern.
+    ///
+    /// # Errors
+    /// When elements cannot follow the drawn electrodes of the pattern.
+    pub fn with<T>(&self, pattern: &Pattern, run: impl FnOnce(&S) -> T) -> Result<T, E> {
+        match self.scene.with_electrodes_of(pattern) {
+            Cow::Borrowed(_) => Ok(run(&self.usual)),
+            Cow::Owned(scene) => Ok(run(&(self.set_up)(&scene)?)),
+        }
+    }
 }
 
 /// Patterns that are simulated in a scene.
@@ -70,7 +105,7 @@ impl<'a> Simulation<'a> {
                     .help("choose a state: --state NAME"),
             );
         }
-        let NamedPatterns { patterns, names, notes } = arguments.patterns.read(scene.form())?;
+        let NamedPatterns { patterns, names, notes } = arguments.patterns.read(scene.form(), arguments.edges)?;
         let notes = bare_numbers.into_iter().chain(notes).collect();
         check_leads(scene.leads.as_ref(), &patterns)?;
         decisions::decide(&scene)?;

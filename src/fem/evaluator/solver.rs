@@ -19,7 +19,11 @@ use deaflow_scene::{Effects, Leads, Scene, Unreached};
 
 /// A solver for the patterns of a scene.
 pub struct Solver {
+    /// The scene with decided effects.
+    scene: Scene,
     parameters: SolverParameters,
+    /// γ of branches that have no time to relax, as in [`Solver::with_unrelaxed`].
+    gamma: f64,
     form: PatternForm,
     leads: Option<Leads>,
     engine: Engine,
@@ -84,6 +88,8 @@ impl Solver {
             }
         };
         Ok(Self {
+            scene: scene.clone(),
+            gamma,
             parameters: parameters.clone(),
             form: scene.form(),
             leads: scene.leads.clone(),
@@ -129,6 +135,32 @@ impl Solver {
     /// If a pattern has electrode groups without voltage or a part without a lead, or a finer mesh cannot be set up.
     pub fn simulate(&self, patterns: &[Pattern]) -> Result<Vec<AccurateSimulation>, SetupError> {
         self.check(patterns)?;
+        self.each(patterns, |solver, patterns| solver.simulate_on_own_borders(patterns))
+    }
+
+    /// Runs this solver on patterns. One with other drawn electrodes than those of the scene has its own solver, whose
+    /// elements follow them.
+    fn each<R: Send>(
+        &self,
+        patterns: &[Pattern],
+        run: impl Fn(&Self, &[Pattern]) -> Result<Vec<R>, SetupError> + Sync,
+    ) -> Result<Vec<R>, SetupError> {
+        let is_own = |pattern: &Pattern| pattern.electrodes() == self.scene.electrodes.as_ref();
+        if patterns.iter().all(is_own) {
+            return run(self, patterns);
+        }
+        let one = |pattern: &Pattern| {
+            let patterns = std::slice::from_ref(pattern);
+            match self.scene.with_electrodes_of(pattern) {
+                Cow::Borrowed(_) => run(self, patterns),
+                Cow::Owned(scene) => run(&Self::with_unrelaxed(&scene, &self.parameters, self.gamma)?, patterns),
+            }
+        };
+        let found: Vec<Vec<R>> = patterns.par_iter().map(one).collect::<Result<_, _>>()?;
+        Ok(found.into_iter().flatten().collect())
+    }
+
+    fn simulate_on_own_borders(&self, patterns: &[Pattern]) -> Result<Vec<AccurateSimulation>, SetupError> {
         match &self.engine {
             Engine::Accurate(solver) => solver.simulate(patterns),
             Engine::Fixed(solver) => Ok(on(solver.mesh(), solver.simulate(patterns))),
@@ -149,12 +181,14 @@ impl Solver {
         &self,
         patterns: &[Pattern],
     ) -> Result<(Vec<AccurateSimulation>, Option<Vec<AccurateHistory>>), SetupError> {
-        let Engine::History(solver) = &self.engine else {
+        if !matches!(self.engine, Engine::History(_)) {
             return Ok((self.simulate(patterns)?, None));
-        };
+        }
         self.check(patterns)?;
-        let each = patterns.par_iter().map(|pattern| solver.follow(pattern));
-        let histories: Vec<AccurateHistory> = each.collect::<Result<_, _>>()?;
+        let histories = self.each(patterns, |solver, patterns| match &solver.engine {
+            Engine::History(solver) => patterns.par_iter().map(|pattern| solver.follow(pattern)).collect(),
+            _ => Ok(Vec::new()),
+        })?;
         Ok((histories.iter().map(last_state).collect(), Some(histories)))
     }
 
@@ -178,9 +212,12 @@ impl Solver {
     /// As [`Solver::on_one_mesh`].
     pub fn simulate_cells(&self, patterns: &[Pattern]) -> Result<(Vec<AccurateSimulation>, CellStates), SetupError> {
         self.check(patterns)?;
-        let solver = self.on_one_mesh()?;
-        let (simulations, states) = solver.simulate_cells(patterns).into_iter().unzip();
-        Ok((on(solver.mesh(), simulations), states))
+        let mesh = self.on_one_mesh()?.mesh();
+        let found = self.each(patterns, |solver, patterns| {
+            Ok(solver.on_one_mesh()?.simulate_cells(patterns))
+        })?;
+        let (simulations, states) = found.into_iter().unzip();
+        Ok((on(mesh, simulations), states))
     }
 }
 

@@ -9,6 +9,8 @@ pub type Point = [f64; 2];
 const LONGEST: f64 = 1.0;
 /// Shortest piece of a border, apart from rounding.
 const SHORTEST: f64 = 1e-7;
+/// Area in elements up to which a part is small.
+const SMALL: f64 = 9.0;
 /// The smallest angle in rad by which a border turns at a corner. Flattened arcs turn less.
 const CORNER: f64 = 0.09;
 
@@ -27,6 +29,25 @@ pub struct Curve {
     sides: [usize; 2],
     corners: Vec<Point>,
     area: f64,
+    small_parts: Vec<Part>,
+}
+
+/// A part of a region that is a few elements large, or a hole in it.
+pub struct Part {
+    /// Its corners.
+    pub corners: Vec<Point>,
+    /// Its area; that of a hole is negative.
+    pub area: f64,
+}
+
+impl Part {
+    /// Returns whether a point is within it.
+    pub fn contains(&self, [x, y]: Point) -> bool {
+        let next = self.corners.iter().cycle().skip(1);
+        let is_crossed =
+            |([a, b], [c, d]): (&Point, &Point)| (*b > y) != (*d > y) && x < a + (y - b) / (d - b) * (c - a);
+        self.corners.iter().zip(next).filter(|edge| is_crossed(*edge)).count() % 2 == 1
+    }
 }
 
 /// Numbers of pieces in bins.
@@ -69,7 +90,7 @@ impl Curve {
     pub fn new(region: &Polygons, size_mm: [f64; 2], elements: [usize; 2]) -> Self {
         let (mut pieces, mut corners) = (Vec::new(), Vec::new());
         let (mut directions, mut beside) = (Vec::new(), Vec::new());
-        let mut area = 0.0;
+        let (mut area, mut small_parts) = (0.0, Vec::new());
         for ring in region.rings() {
             let points = ring.iter().map(|point| [0, 1].map(|axis| point[axis] / size_mm[axis]));
             let points = without_short(points.collect());
@@ -78,6 +99,7 @@ impl Curve {
                 continue;
             }
             let first_of_ring = pieces.len();
+            let area_before = area;
             let is_corner =
                 |at: usize| turn(points[(at + count - 1) % count], points[at], points[(at + 1) % count]).abs() > CORNER;
             let chord = |at: usize| direction(points[at % count], points[(at + 1) % count]);
@@ -116,6 +138,13 @@ impl Curve {
             let last = pieces.len() - 1;
             beside[first_of_ring][0] = beside[first_of_ring][0].map(|_| last as u32);
             beside[last][1] = beside[last][1].map(|_| first_of_ring as u32);
+            let own = area - area_before;
+            if own.abs() <= SMALL {
+                small_parts.push(Part {
+                    corners: points,
+                    area: own,
+                });
+            }
         }
         let sides = elements.map(|count| count + 2);
         let range = |[a, b]: &[Point; 2], axis: usize| {
@@ -138,7 +167,14 @@ impl Curve {
             sides,
             corners,
             area,
+            // The area of one with another in it is not its own.
+            small_parts: without_nested(small_parts),
         }
+    }
+
+    /// Returns the parts that are a few elements large, and the holes that are, without those that contain another.
+    pub fn small_parts(&self) -> &[Part] {
+        &self.small_parts
     }
 
     /// Returns the points at which the border turns.
@@ -281,6 +317,17 @@ impl Curve {
         }
         best.map(|share| [from[0] + share * along[0], from[1] + share * along[1]])
     }
+}
+
+/// Returns the parts that contain no other.
+fn without_nested(parts: Vec<Part>) -> Vec<Part> {
+    let is_nested = |outer: &Part| {
+        let mut others = parts.iter().filter(|other| other.area.signum() != outer.area.signum());
+        others.any(|other| outer.contains(other.corners[0]))
+    };
+    let nested: Vec<bool> = parts.iter().map(is_nested).collect();
+    let pairs = parts.into_iter().zip(nested);
+    pairs.filter_map(|(part, nested)| (!nested).then_some(part)).collect()
 }
 
 /// Returns a closed polygon without pieces that are only due to rounding.

@@ -128,8 +128,21 @@ impl MappedElement {
     /// does not.
     pub(super) fn values_at(&self, degree: usize, positions: &[Point], point: Point) -> Option<Vec<f64>> {
         const CLOSE: f64 = 1e-9;
-        let mut at = if self.is_half() { [1.0 / 3.0; 2] } else { [0.5; 2] };
-        for _ in 0..20 {
+        // The inverse map of an element with curved sides may have other solutions outside of it.
+        const STARTS: [Point; 4] = [[0.3, 0.3], [0.1, 0.1], [0.8, 0.1], [0.1, 0.8]];
+        STARTS.into_iter().find_map(|start| {
+            let at = self.place_of(degree, positions, point, start)?;
+            let within = at.iter().all(|at| *at >= -CLOSE && *at <= 1.0 + CLOSE);
+            let covers = within && (!self.is_half() || at[0] + at[1] <= 1.0 + CLOSE);
+            covers.then(|| self.basis(degree, at).0[..positions.len()].to_vec())
+        })
+    }
+
+    /// Returns the reference coordinates of a point by Newton's method; `None` if it does not converge.
+    fn place_of(&self, degree: usize, positions: &[Point], point: Point, start: Point) -> Option<Point> {
+        const STEPS: usize = 30;
+        let mut at = start;
+        for _ in 0..STEPS {
             let (values, slopes) = self.basis(degree, at);
             let (mut off, mut map) = (point, [[0.0; 2]; 2]);
             for ((position, value), slope) in positions.iter().zip(values).zip(slopes) {
@@ -138,16 +151,14 @@ impl MappedElement {
                     map[c] = [0, 1].map(|axis| map[c][axis] + slope[axis] * position[c]);
                 }
             }
-            if off[0].hypot(off[1]) < 1e-13 {
-                break;
+            if off[0].hypot(off[1]) < 1e-12 * (1.0 + point[0].hypot(point[1])) {
+                return Some(at);
             }
             let area = map[0][0] * map[1][1] - map[0][1] * map[1][0];
             at[0] += (map[1][1] * off[0] - map[0][1] * off[1]) / area;
             at[1] += (map[0][0] * off[1] - map[1][0] * off[0]) / area;
         }
-        let within = at.iter().all(|at| *at >= -CLOSE && *at <= 1.0 + CLOSE);
-        let covers = within && (!self.is_half() || at[0] + at[1] <= 1.0 + CLOSE);
-        covers.then(|| self.basis(degree, at).0[..positions.len()].to_vec())
+        None
     }
 }
 

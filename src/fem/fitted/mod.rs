@@ -46,7 +46,7 @@ fn regions(borders: &Borders) -> impl Iterator<Item = (Enclosed, &Polygons)> {
     let opening = borders.opening.iter().map(|region| (Enclosed::Opening, region));
     let bodies = borders.bodies.iter().enumerate();
     let bodies = bodies.map(|(number, region)| (Enclosed::Body(number), region));
-    let electrodes = borders.electrodes.iter();
+    let electrodes = borders.electrodes.iter().flatten();
     let electrodes = electrodes.map(|(group, region)| (Enclosed::Electrode(*group), region));
     opening.chain(bodies).chain(electrodes)
 }
@@ -71,14 +71,17 @@ pub enum FitFault {
     Crowded([f64; 2]),
     /// A region on the mesh has another area than its shape.
     #[error(
-        "on the elements {region} is {:.2} mm² {} than its shape",
-        .less.abs(), if *less > 0.0 { "smaller" } else { "larger" }
+        "on the elements {region} is {} mm² {} than its shape{}",
+        deaflow_base::four_digits(less.abs()), if *less > 0.0 { "smaller" } else { "larger" },
+        near.map_or_else(String::new, |[x, y]| format!(", near [{x:.2} mm, {y:.2} mm]"))
     )]
     Area {
         /// What has the border.
         region: Enclosed,
         /// The missing area in mm².
         less: f64,
+        /// A point in mm of the part or hole that misses it, if that is small.
+        near: Option<[f64; 2]>,
     },
 }
 
@@ -110,12 +113,14 @@ impl Fitted {
         let (enclosed, curves): (Vec<_>, Vec<_>) = regions(borders)
             .map(|(enclosed, region)| (enclosed, Curve::new(region, sides, elements)))
             .unzip();
-        let crowded = |at: Point| FitFault::Crowded([0, 1].map(|axis| at[axis] * sides[axis]));
+        let in_mm = |at: Point| [0, 1].map(|axis| at[axis] * sides[axis]);
+        let crowded = |at: Point| FitFault::Crowded(in_mm(at));
         let fault = |misfit| match misfit {
             Misfit::Crowded(at) => crowded(at),
-            Misfit::Area(number, area) => FitFault::Area {
+            Misfit::Area(number, area, near) => FitFault::Area {
                 region: enclosed[number],
                 less: area * sides[0] * sides[1],
+                near: near.map(in_mm),
             },
         };
         let snapped = Snapped::new(elements, &curves).map_err(fault)?;
@@ -182,7 +187,7 @@ impl Fitted {
 fn content(enclosed: &[Enclosed], borders: &Borders, is_inside: impl Fn(usize) -> bool) -> Content {
     let mut found = Content {
         part: Part::Membrane,
-        group: (!borders.electrodes.is_empty()).then_some(0),
+        group: borders.electrodes.as_ref().map(|_| 0),
     };
     let mut is_frame = false;
     for (curve, enclosed) in enclosed.iter().enumerate() {

@@ -8,7 +8,7 @@
 use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
-use super::curve::{Curve, Point, distance};
+use super::curve::{Curve, Part, Point, distance};
 
 /// Distance from a border below which a point is on it.
 const ON: f64 = 1e-6;
@@ -28,8 +28,9 @@ const LARGEST_LOSS: f64 = 0.05;
 pub enum Misfit {
     /// Borders are too close to each other at a point, in units of elements.
     Crowded(Point),
-    /// A region differs from its shape by an area, in elements, with the number of its border.
-    Area(usize, f64),
+    /// A region differs from its shape by an area, in elements, with the number of its border, and a point of the part
+    /// if that is small.
+    Area(usize, f64, Option<Point>),
 }
 
 /// Vertices on borders, and cells that are split.
@@ -126,10 +127,9 @@ impl Snapped {
             .iter()
             .map(|curve| vertices.iter().map(|vertex| sign(curve, *vertex)).collect())
             .collect();
-        let is_taken = (0..vertices.len()).map(|at| signs.iter().any(|signs| signs[at] == 0));
         let mut snapper = Snapper {
             curves,
-            is_taken: is_taken.collect(),
+            is_taken: vec![false; vertices.len()],
             snapped: Self {
                 elements,
                 vertices,
@@ -139,6 +139,7 @@ impl Snapped {
             },
         };
         snapper.take_corners();
+        snapper.take_vertices_on_borders();
         snapper.move_vertices()?;
         snapper.split()?;
         Ok(snapper.snapped)
@@ -195,10 +196,42 @@ impl Snapped {
             });
             let lost = curve.area() - cells.sum::<f64>();
             if lost.abs() > LARGEST_LOSS || lost.is_nan() {
-                return Err(Misfit::Area(number, lost));
+                return Err(Misfit::Area(number, lost, None));
+            }
+            for part in curve.small_parts() {
+                let lost = part.area.abs() - self.area_of_part(number, part, &area);
+                if lost.abs() > LARGEST_LOSS * part.area.abs().min(1.0) {
+                    return Err(Misfit::Area(number, lost * part.area.signum(), Some(part.corners[0])));
+                }
             }
         }
         Ok(())
+    }
+
+    /// Returns the area on the mesh of a small part of a region, or of a small hole in it.
+    fn area_of_part(&self, curve: usize, part: &Part, area: &impl Fn(usize, usize) -> f64) -> f64 {
+        let range = |axis: usize| {
+            let all = part.corners.iter().map(|corner| corner[axis]);
+            let (low, high) = all.fold((f64::INFINITY, 0.0), |(low, high), at: f64| (at.min(low), at.max(high)));
+            let last = self.elements[axis];
+            (low.floor() - 1.0).clamp(0.0, last as f64) as usize..((high.ceil() + 1.0).max(0.0) as usize).min(last)
+        };
+        let (columns, rows) = (range(0), range(1));
+        let cells = rows.flat_map(|row| columns.clone().map(move |column| row * self.elements[0] + column));
+        let halves = cells.flat_map(|cell| {
+            let halves = if self.splits[cell].is_some() { 2 } else { 1 };
+            (0..halves).map(move |half| (cell, half))
+        });
+        let within = halves.filter(|&(cell, half)| {
+            let vertices = self.vertices_of(cell);
+            let corners: Vec<usize> = match self.splits[cell] {
+                None => vec![0, 1, 2, 3],
+                Some(diagonal) => diagonal.halves()[half].to_vec(),
+            };
+            let points: Vec<Point> = corners.iter().map(|&at| self.vertices[vertices[at]]).collect();
+            self.inside[cell][half][curve] == (part.area > 0.0) && part.contains(middle(&points))
+        });
+        within.map(|(cell, half)| area(cell, half)).sum()
     }
 }
 
@@ -242,33 +275,60 @@ impl Snapper<'_> {
         }
     }
 
-    /// Moves the nearest free vertex to each corner.
+    /// Moves the nearest free vertex to each corner, after those that are at one.
     fn take_corners(&mut self) {
-        let [columns, rows] = self.snapped.elements;
         let curves = self.curves;
-        for corner in curves.iter().flat_map(Curve::corners) {
-            let [x, y] = *corner;
-            let within = |at: f64, count: usize| at >= -ON && at <= count as f64 + ON;
-            if !within(x, columns) || !within(y, rows) {
+        let last = self.snapped.elements.map(|count| count as f64 + ON);
+        let is_within = |corner: &&Point| (0..2).all(|axis| corner[axis] >= -ON && corner[axis] <= last[axis]);
+        let corners = curves.iter().flat_map(Curve::corners).filter(is_within);
+        let corners: Vec<Point> = corners.copied().collect();
+        for corner in &corners {
+            let there = self.around(*corner).find(|vertex| self.is_at(*vertex, *corner));
+            if let Some(vertex) = there {
+                self.is_taken[vertex] = true;
+            }
+        }
+        for corner in corners {
+            let far = |vertex: usize| distance(self.snapped.vertices[vertex], corner);
+            let vertices: Vec<usize> = self.around(corner).collect();
+            // That of another border may be the same.
+            if vertices.iter().any(|vertex| self.is_at(*vertex, corner)) {
                 continue;
             }
-            let first = [x, y].map(|at| (at.floor() - 1.0).max(0.0) as usize);
-            let around = (first[1]..=(first[1] + 3).min(rows))
-                .flat_map(|row| (first[0]..=(first[0] + 3).min(columns)).map(move |column| (column, row)));
-            let vertices = around.map(|(column, row)| row * (columns + 1) + column);
-            let free = vertices.filter(|&vertex| {
-                let position = self.snapped.vertices[vertex];
-                let is_there = distance(position, *corner) <= ON;
-                is_there || !self.is_taken[vertex] && self.may_move_to(vertex, *corner)
-            });
-            let nearest = free
-                .map(|vertex| (distance(self.snapped.vertices[vertex], *corner), vertex))
-                .min_by(|a, b| a.0.total_cmp(&b.0));
-            if let Some((far, vertex)) = nearest
-                && far <= FARTHEST
-                && far > ON
-            {
-                self.take(vertex, *corner);
+            let free = vertices.into_iter().filter(|vertex| self.is_free_for(*vertex, corner));
+            let nearest = free.min_by(|a, b| far(*a).total_cmp(&far(*b)));
+            if let Some(vertex) = nearest.filter(|vertex| far(*vertex) <= FARTHEST) {
+                self.take(vertex, corner);
+            }
+        }
+    }
+
+    /// Returns the vertices around a point.
+    fn around(&self, [x, y]: Point) -> impl Iterator<Item = usize> + use<> {
+        let [columns, rows] = self.snapped.elements;
+        let first = [x, y].map(|at| (at.floor() - 1.0).max(0.0) as usize);
+        let rows = first[1]..=(first[1] + 3).min(rows);
+        rows.flat_map(move |row| {
+            (first[0]..=(first[0] + 3).min(columns)).map(move |column| row * (columns + 1) + column)
+        })
+    }
+
+    fn is_at(&self, vertex: usize, point: Point) -> bool {
+        distance(self.snapped.vertices[vertex], point) <= ON
+    }
+
+    /// Returns whether a vertex may move to a corner: it stays on the borders that it is on.
+    fn is_free_for(&self, vertex: usize, corner: Point) -> bool {
+        let mut borders = self.curves.iter().zip(&self.snapped.signs);
+        let stays = borders.all(|(curve, signs)| signs[vertex] != 0 || sign(curve, corner) == 0);
+        stays && !self.is_taken[vertex] && self.may_move_to(vertex, corner)
+    }
+
+    /// Keeps the vertices that are on borders where they are.
+    fn take_vertices_on_borders(&mut self) {
+        for signs in &self.snapped.signs {
+            for (is_taken, sign) in self.is_taken.iter_mut().zip(signs) {
+                *is_taken |= *sign == 0;
             }
         }
     }
@@ -596,8 +656,17 @@ mod tests {
     #[test]
     fn borders_closer_than_an_element_are_refused() {
         let square = |low: f64, high: f64| vec![[low, low], [high, low], [high, high], [low, high]];
-        let regions = [square(10.4, 30.0), square(10.7, 29.0)].map(|ring| Polygons::new(&[ring]));
-        let curves = regions.map(|region| Curve::new(&region, [1.0; 2], [50, 50]));
-        assert!(matches!(Snapped::new([50, 50], &curves), Err(Misfit::Crowded(_))));
+        let curves = |sides: &[(f64, f64)]| -> Vec<Curve> {
+            let regions = sides.iter().map(|(low, high)| Polygons::new(&[square(*low, *high)]));
+            regions.map(|region| Curve::new(&region, [1.0; 2], [50, 50])).collect()
+        };
+        // Two borders take both ends of an edge between them, and no third one.
+        let mut sides = vec![(10.3, 30.4), (10.8, 29.0)];
+        assert!(Snapped::new([50, 50], &curves(&sides)).is_ok());
+        sides.push((10.55, 27.0));
+        assert!(matches!(
+            Snapped::new([50, 50], &curves(&sides)),
+            Err(Misfit::Crowded(_))
+        ));
     }
 }

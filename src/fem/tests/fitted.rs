@@ -59,7 +59,7 @@ fn disc_frame(cells: usize) -> String {
 fn errors_of_disc(cells: usize, mesh: Mesh) -> [f64; 3] {
     let borders = Borders {
         opening: Some(disc([25.0; 2], 20.0)),
-        electrodes: vec![(1, disc([25.0; 2], 10.0))],
+        electrodes: Some(vec![(1, disc([25.0; 2], 10.0))]),
         ..Borders::default()
     };
     let (solver, solution) = solve(&disc_frame(cells), borders, mesh);
@@ -103,7 +103,7 @@ fn round_devices_have_their_known_displacements() {
     let ring = disc([25.0; 2], 10.0).without(&disc([25.0; 2], 5.0));
     let scene_borders = scene(hub).borders().unwrap();
     let borders = Borders {
-        electrodes: vec![(1, ring)],
+        electrodes: Some(vec![(1, ring)]),
         ..(*scene_borders).clone()
     };
     let (solver, solution) = solve(hub, borders, mesh);
@@ -115,7 +115,7 @@ fn round_devices_have_their_known_displacements() {
     let ellipses = "side: 50 mm, prestretch: 3, cells: 50, frame: { curves: fitted, opening: { ellipse: { centre: [25 \
                     mm, 25 mm], semiaxes: [21 mm, 15 mm], angle: 30 deg } } }";
     let borders = Borders {
-        electrodes: vec![(1, Polygons::new(&[ellipse([25.0; 2], [9.0, 6.0], -20.0)]))],
+        electrodes: Some(vec![(1, Polygons::new(&[ellipse([25.0; 2], [9.0, 6.0], -20.0)]))]),
         ..(*scene(ellipses).borders().unwrap()).clone()
     };
     let (solver, solution) = solve(ellipses, borders, mesh);
@@ -133,7 +133,7 @@ fn round_devices_have_their_known_displacements() {
     let turned = "side: 50 mm, prestretch: 3, cells: 50, frame: { curves: fitted, opening: { rectangle: { corners: [[8 \
                   mm, 12 mm], [42 mm, 38 mm]], angle: 17 deg } } }";
     let borders = Borders {
-        electrodes: vec![(1, disc([21.0, 25.0], 7.0))],
+        electrodes: Some(vec![(1, disc([21.0, 25.0], 7.0))]),
         ..(*scene(turned).borders().unwrap()).clone()
     };
     let (solver, solution) = solve(turned, borders, mesh);
@@ -147,7 +147,7 @@ fn round_devices_have_their_known_displacements() {
                 mm], radius: 20 mm } } }, bodies: [{ disc: { centre: [30 mm, 27 mm], radius: 4 mm }, curves: fitted, \
                 load: [0.02 N, 0.01 N] }]";
     let borders = Borders {
-        electrodes: vec![(1, disc([17.0, 25.0], 6.0))],
+        electrodes: Some(vec![(1, disc([17.0, 25.0], 6.0))]),
         ..(*scene(body).borders().unwrap()).clone()
     };
     let (solver, solution) = solve(body, borders, mesh);
@@ -368,5 +368,131 @@ fn borders_along_cells_change_nothing() {
     for mesh in [Mesh::bilinear(2), Mesh::biquadratic(1)] {
         let [one, other] = [&fitted, &cells].map(|scene| Model::new(scene).unwrap().grid(mesh).unwrap());
         assert!(one.follows_borders().is_none() && one == other);
+    }
+}
+
+/// A random device with drawn electrodes, of one of several kinds, with the regions of the groups.
+fn random_device(kind: usize, stream: &mut Stream) -> (Scene, Vec<(u8, Polygons)>) {
+    let round = "frame: { curves: fitted, opening: { disc: { centre: [25 mm, 25 mm], radius: 20 mm } } }";
+    let body = "frame: { curves: fitted, opening: { disc: { centre: [25 mm, 25 mm], radius: 20 mm } } }, bodies: [{ disc: \
+                { centre: [29 mm, 26 mm], radius: 4.3 mm }, curves: fitted }]";
+    let cells = "frame: { opening: { disc: { centre: [25 mm, 25 mm], radius: 20 mm } } }";
+    let (parts, spread) = match kind {
+        0 | 1 | 3 => (round, 12.0),
+        4 => (body, 6.0),
+        5 => (cells, 12.0),
+        _ => ("prestretch: 3", 20.0),
+    };
+    let prestretch = if parts.starts_with("frame") {
+        "prestretch: 3, "
+    } else {
+        ""
+    };
+    let scene = scene(&format!("side: 50 mm, cells: 50, {prestretch}{parts}"));
+    let mut near = |spread: f64| {
+        [
+            25.0 + spread * (stream.uniform() - 0.5),
+            25.0 + spread * (stream.uniform() - 0.5),
+        ]
+    };
+    let centre = near(spread);
+    let angle = 360.0 * stream.uniform();
+    let radius = stream.range(3.0, 9.0);
+    let turned = |[x, y]: Point| {
+        let (sin, cos) = angle.to_radians().sin_cos();
+        [centre[0] + cos * x - sin * y, centre[1] + sin * x + cos * y]
+    };
+    let bar = |low: Point, high: Point| {
+        let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
+        Polygons::new(&[corners.map(turned).to_vec()])
+    };
+    let groups = match kind {
+        0 | 4 | 5 => vec![(1, disc(centre, radius))],
+        // A ring with a lead to the frame.
+        1 | 6 => {
+            let width = stream.range(1.0, 2.5);
+            let ring = disc(centre, radius).without(&disc(centre, 0.5 * radius));
+            vec![(1, ring.union(&bar([0.75 * radius, -width], [50.0, width])))]
+        }
+        2 => {
+            let semiaxes = [radius, stream.range(2.0, 6.0)];
+            vec![(1, Polygons::new(&[ellipse(centre, semiaxes, angle)]))]
+        }
+        // Two halves of a disc.
+        _ => {
+            let half = bar([-50.0, -50.0], [0.0, 50.0]);
+            let whole = disc(centre, radius);
+            vec![(1, whole.intersection(&half)), (2, whole.without(&half))]
+        }
+    };
+    (scene, groups)
+}
+
+#[test]
+fn random_electrodes_keep_their_area_or_are_refused() {
+    let mut stream = Stream::new(11, "electrodes", 0);
+    let mut faults = Vec::new();
+    for kind in 0..8 {
+        for trial in 0..10 {
+            let (scene, groups) = random_device(kind, &mut stream);
+            let electrodes = deaflow_pattern::Electrodes::new(&groups, [50.0; 2]);
+            let bare = Pattern::from_fn(scene.membrane().raster, |_, _| false);
+            let pattern = bare.with_electrodes(Some(Arc::new(electrodes)));
+            let scene = scene.with_electrodes_of(&pattern).into_owned();
+            let sheet = Sheet::of(&scene);
+            let grid = match Grid::fitted(Mesh::biquadratic(1), &sheet) {
+                Ok(grid) => grid,
+                Err(fault) => {
+                    faults.push(format!("{kind} {trial}: {fault}"));
+                    continue;
+                }
+            };
+            for (group, region) in sheet.borders.as_ref().unwrap().electrodes.iter().flatten() {
+                let inside = grid.each_element().filter(|element| {
+                    let content = grid.content(*element);
+                    content.part == deaflow_pattern::Part::Membrane && content.group == Some(*group)
+                });
+                let area: f64 = inside.map(|element| grid.area_of(element)).sum();
+                assert!(
+                    (area - region.area()).abs() < 0.05,
+                    "{kind} {trial}: {area} {}",
+                    region.area()
+                );
+            }
+        }
+    }
+    assert!(faults.len() <= 3, "{faults:#?}");
+}
+
+#[test]
+fn corners_of_cells_have_the_values_of_linear_fields() {
+    let mut stream = Stream::new(3, "corners", 0);
+    for kind in (0..8).cycle().take(40) {
+        let (scene, groups) = random_device(kind, &mut stream);
+        let electrodes = deaflow_pattern::Electrodes::new(&groups, [50.0; 2]);
+        let bare = Pattern::from_fn(scene.membrane().raster, |_, _| false);
+        let scene = scene
+            .with_electrodes_of(&bare.with_electrodes(Some(Arc::new(electrodes))))
+            .into_owned();
+        for mesh in [Mesh::bilinear(1), Mesh::biquadratic(1)] {
+            let Ok(grid) = Grid::fitted(mesh, &Sheet::of(&scene)) else {
+                continue;
+            };
+            let (layout, unit) = (grid.layout(), grid.unit_mm());
+            let value = |[x, y]: Point, c: usize| [0.3 * x - 0.2 * y + 0.1, 0.7 * y + 0.4 * x][c];
+            let mut u = vec![0.0; layout.vector_len()];
+            let [columns, rows] = layout.nodes();
+            for (column, row) in (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row))) {
+                let at = grid.node_position([column, row]).map(|at| at * unit);
+                (0..2).for_each(|c| u[layout.index(c, column, row)] = value(at, c) / unit);
+            }
+            let field = grid.sample(&u);
+            for (x, y) in (0..51).flat_map(|y| (0..51).map(move |x| (x, y))) {
+                let found = field.at_corner(x, y);
+                let known = [0, 1].map(|c| value([x as f64, y as f64], c));
+                let off = (0..2).map(|c| (found[c] - known[c]).abs()).fold(0.0, f64::max);
+                assert!(off < 1e-9, "kind {kind}, {mesh}, corner {x} {y}: {found:?} {known:?}");
+            }
+        }
     }
 }

@@ -173,7 +173,7 @@ pub fn refusal(scene: &Scene) -> Option<SetupError> {
         if scene.leads.is_none() {
             return Some(SetupError::Leads);
         }
-        if scene.geometry.has_fitted_curves() {
+        if scene.follows_borders() {
             return Some(SetupError::Curves {
                 with: "electrode resistance",
             });

@@ -10,7 +10,7 @@ mod tests;
 use std::path::Path;
 
 use crate::contour::{Contours, FillRule};
-use crate::{PatternFileError, file};
+use crate::{Edges, PatternFileError, file};
 use affine::Affine;
 
 /// The largest drawing in bytes.
@@ -35,6 +35,8 @@ pub struct DrawingOptions {
     pub join_mm: f64,
     /// The dark share from which on a cell of a picture is an electrode.
     pub threshold: f64,
+    /// Whether elements follow the edges of drawings.
+    pub edges: Edges,
 }
 
 impl Default for DrawingOptions {
@@ -47,6 +49,7 @@ impl Default for DrawingOptions {
             degrees: 0.0,
             join_mm: 1e-3,
             threshold: 0.5,
+            edges: Edges::Cells,
         }
     }
 }

@@ -26,6 +26,10 @@ impl Resimulator {
     /// If the artifact cannot be read, or its scene cannot be simulated.
     pub fn new(artifact: &Artifact, scene: &Scene, row: usize, made_by: Option<&str>) -> Result<Self, StageError> {
         let source = Source::of_artifact(artifact, scene.membrane().raster)?;
+        if !source.is_readable() {
+            let finding = source.findings.iter().map(|finding| finding.message.clone()).next();
+            return Err(StageError::input(finding.unwrap_or_default()));
+        }
         let mesh = match source.declared {
             Discretisation::Mesh(mesh) | Discretisation::Estimates(mesh) => Some(mesh),
             Discretisation::PerRow => source.columns.mesh.as_ref().and_then(|meshes| meshes.get(row).copied()),

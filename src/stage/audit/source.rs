@@ -21,6 +21,9 @@ use deaflow_store::{Artifact, RowFile, StoreError};
 /// The array of the bin edges.
 const EDGES: &str = "histogram/edges";
 
+/// An array of patterns whose elements follow drawn electrodes.
+const DRAWN: &str = "electrodes/polygons";
+
 /// The largest number of bins.
 const MOST_BINS: usize = 100_000;
 
@@ -125,6 +128,12 @@ impl Source {
         for rows_of in files {
             let file = rows_of.open()?;
             source.findings.extend(wrong_shapes(&file, raster, rows_of.path())?);
+            if file.shape(DRAWN)?.is_some() {
+                let message = "elements follow drawn electrodes, but an audit knows the cells of patterns alone";
+                source
+                    .findings
+                    .push(Finding::whole("shape", Severity::Error, message.to_owned()));
+            }
             let len = file.shape("patterns")?.and_then(|shape| shape.first().copied());
             let rows = start..start.saturating_add(len.unwrap_or(0));
             start = rows.end;

@@ -7,8 +7,8 @@ use deaflow_base::{
     Angle, Canonical, Decimal, Declared, Fields, InputError, Length, Map, Node, Parameter, Schema, parameters,
 };
 use deaflow_pattern::{
-    Bits, Contours, DrawingFormat, DrawingOptions, DrawingUnit, GroupRegion, Pattern, PatternFileError, PatternForm,
-    Region, pattern_of, read_drawing, read_patterns_of,
+    Bits, Contours, DrawingFormat, DrawingOptions, DrawingUnit, Edges, GroupRegion, Pattern, PatternFileError,
+    PatternForm, Region, pattern_of, read_drawing, read_patterns_of,
 };
 use deaflow_scene::{Position, Shape, Shapes};
 
@@ -166,6 +166,7 @@ impl DrawnFile {
             degrees: self.angle.map_or(usual.degrees, |angle| angle.value()),
             join_mm: self.join.map_or(usual.join_mm, |join| join.value()),
             threshold: self.threshold.map_or(usual.threshold, Decimal::to_f64),
+            edges: usual.edges,
         }
     }
 
@@ -214,7 +215,12 @@ impl DrawnFile {
 ///
 /// # Errors
 /// When a drawing cannot be read, a shape does not reach the membrane, or groups overlap.
-pub fn pattern(drawn: &[Drawn], node: &Node, form: PatternForm) -> Result<(Pattern, Vec<String>), InputError> {
+pub fn pattern(
+    drawn: &[Drawn],
+    node: &Node,
+    form: PatternForm,
+    edges: Edges,
+) -> Result<(Pattern, Vec<String>), InputError> {
     let nodes = node.list("shapes")?;
     let (mut regions, mut notes) = (Vec::new(), Vec::new());
     for (Drawn(source), node) in drawn.iter().zip(nodes) {
@@ -230,7 +236,7 @@ pub fn pattern(drawn: &[Drawn], node: &Node, form: PatternForm) -> Result<(Patte
             }
         }
     }
-    let found = pattern_of(&regions, form);
+    let found = pattern_of(&regions, form, edges);
     let (pattern, told) = found.map_err(|refusal| node.error(refusal.to_string()).help(refusal.advice(form)))?;
     notes.extend(told);
     Ok((pattern, notes))

@@ -291,7 +291,8 @@ pub fn of(kind: Kind) -> Vec<Value> {
         Kind::Pipeline => {
             // A stage for each shape, which are read for each fault.
             let stages = (1..).zip(SHAPES).map(|(at, shape)| {
-                format!("  shaped{at}: {{ kind: patterns, edges: cells, shapes: [{{ group: 1, {shape} }}] }}\n")
+                let edges = ["cells", "fitted"][at % 2];
+                format!("  shaped{at}: {{ kind: patterns, edges: {edges}, shapes: [{{ group: 1, {shape} }}] }}\n")
             });
             let pipeline = PIPELINE.to_owned() + &stages.collect::<String>();
             vec![json(&pipeline), json(DEVICE), json(CREEP), json(SWING)]

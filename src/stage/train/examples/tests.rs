@@ -54,6 +54,7 @@ fn sample_rows(patterns: &[Pattern]) -> SampleRows {
         family: vec!["bezier".into(); patterns.len()],
         index: vec![0; patterns.len()],
         units: vec![0; patterns.len()],
+        electrodes: None,
     }
 }
 
