@@ -1,0 +1,213 @@
+//! Measured curves, and the errors of curves that cannot be fitted.
+
+use crate::deformation::Test;
+use thiserror::Error;
+
+/// What is known about the noise of a curve; it sets the weights.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Sigma {
+    /// The standard deviation of each point in Pa.
+    Stated(Vec<f64>),
+    /// The standard deviation as a fraction of the measured stress.
+    StatedFraction(f64),
+    /// Unknown, in proportion to the measured stress: the residual is (model − data)/|data|.
+    UnstatedRelative,
+    /// Unknown, the same for all points: the residual is model − data in Pa.
+    UnstatedAbsolute,
+}
+
+/// A measured curve. Rows at stretch 1 hold for every law and are not counted as points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve {
+    /// The name of the curve, such as its file.
+    pub name: String,
+    /// How the specimen was stretched.
+    pub test: Test,
+    /// The stretches.
+    pub stretch: Vec<f64>,
+    /// The nominal stresses in Pa.
+    pub stress_pa: Vec<f64>,
+    /// The noise.
+    pub sigma: Sigma,
+}
+
+/// Why a law cannot be fitted to curves.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[allow(missing_docs, reason = "the messages say what the fields are")]
+pub enum FitError {
+    #[error("curve `{curve}` has {stretches} stretches, but {other} {column}")]
+    Lengths {
+        curve: String,
+        stretches: usize,
+        other: usize,
+        column: &'static str,
+    },
+    #[error("curve `{curve}`, row {row}: the {column} is not a finite number")]
+    NotFinite {
+        curve: String,
+        row: usize,
+        column: &'static str,
+    },
+    #[error("curve `{curve}`, row {row}: the stretch {stretch} is not positive")]
+    Stretch { curve: String, row: usize, stretch: f64 },
+    #[error("curve `{curve}`, row {row}: the standard deviation {sigma} Pa is not positive")]
+    Sigma { curve: String, row: usize, sigma: f64 },
+    #[error("curve `{curve}`, row {row}: a stress of zero has no relative error; state its standard deviation in Pa")]
+    ZeroStress { curve: String, row: usize },
+    #[error("curve `{curve}` has another kind of standard deviation than `{first}`: state both, or neither in one way")]
+    MixedSigma { curve: String, first: String },
+    #[error("all stretches are 1: the curves say nothing about a law")]
+    NotStretched,
+    #[error("{points} points cannot determine {parameters} parameters of the law `{law}`")]
+    TooFewPoints {
+        points: usize,
+        parameters: usize,
+        law: &'static str,
+    },
+    #[error("the stresses have the wrong sign: they must be positive where the stretch is above 1")]
+    WrongSign,
+    #[error("the law `{law}` has no parameter `{name}`")]
+    UnknownParameter { law: &'static str, name: String },
+    #[error("the bounds {lower} and {upper} of `{name}` are not in order, or not positive where they must be")]
+    Bounds { name: String, lower: f64, upper: f64 },
+    #[error("the law `{law}` has no value within the bounds at the stretches of the curves")]
+    NoStart { law: &'static str },
+    #[error("the law `{law}` has no terms")]
+    NoTerms { law: &'static str },
+}
+
+/// A row of a curve.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Row {
+    /// The index of the curve.
+    pub curve: usize,
+    pub test: Test,
+    pub stretch: f64,
+    pub stress: f64,
+    /// The residual is (model − stress)/scale.
+    pub scale: f64,
+}
+
+impl Row {
+    /// Returns whether the row says something about a law.
+    pub fn counts(&self) -> bool {
+        self.stretch != 1.0
+    }
+}
+
+/// The rows of all curves.
+#[derive(Clone, Debug)]
+pub(crate) struct Points {
+    pub rows: Vec<Row>,
+    /// Whether the standard deviations are stated.
+    pub stated: bool,
+}
+
+impl Points {
+    /// Checks curves and gathers their rows.
+    ///
+    /// # Errors
+    /// When a curve is not valid, or the curves do not fit together.
+    pub fn new(curves: &[Curve]) -> Result<Self, FitError> {
+        let mut rows = Vec::new();
+        for (index, curve) in curves.iter().enumerate() {
+            let first = &curves[0];
+            if noise_kind(&curve.sigma) != noise_kind(&first.sigma) {
+                return Err(FitError::MixedSigma {
+                    curve: curve.name.clone(),
+                    first: first.name.clone(),
+                });
+            }
+            check_lengths(curve)?;
+            for row in 0..curve.stretch.len() {
+                rows.push(checked_row(curve, index, row)?);
+            }
+        }
+        if !rows.iter().any(Row::counts) {
+            return Err(FitError::NotStretched);
+        }
+        let stated = curves.first().is_some_and(|curve| noise_kind(&curve.sigma) == 0);
+        Ok(Self { rows, stated })
+    }
+
+    /// Returns the rows that say something about a law.
+    pub fn counted(&self) -> impl Iterator<Item = &Row> {
+        self.rows.iter().filter(|row| row.counts())
+    }
+
+    /// Returns the rows of some tests.
+    pub fn of(&self, belongs: impl Fn(Test) -> bool) -> Self {
+        Self {
+            rows: self.rows.iter().copied().filter(|row| belongs(row.test)).collect(),
+            stated: self.stated,
+        }
+    }
+}
+
+/// Curves whose kinds differ cannot be fitted together: their residuals have different units.
+fn noise_kind(sigma: &Sigma) -> usize {
+    match sigma {
+        Sigma::Stated(_) | Sigma::StatedFraction(_) => 0,
+        Sigma::UnstatedRelative => 1,
+        Sigma::UnstatedAbsolute => 2,
+    }
+}
+
+fn check_lengths(curve: &Curve) -> Result<(), FitError> {
+    let stretches = curve.stretch.len();
+    let mut columns = vec![("stresses", curve.stress_pa.len())];
+    if let Sigma::Stated(sigma) = &curve.sigma {
+        columns.push(("standard deviations", sigma.len()));
+    }
+    match columns.into_iter().find(|(_, length)| *length != stretches) {
+        Some((column, other)) => Err(FitError::Lengths {
+            curve: curve.name.clone(),
+            stretches,
+            other,
+            column,
+        }),
+        None => Ok(()),
+    }
+}
+
+fn checked_row(curve: &Curve, index: usize, at: usize) -> Result<Row, FitError> {
+    let (stretch, stress) = (curve.stretch[at], curve.stress_pa[at]);
+    let (name, row) = (|| curve.name.clone(), at + 1);
+    let scale = match &curve.sigma {
+        Sigma::Stated(sigma) => sigma[at],
+        Sigma::StatedFraction(fraction) => fraction * stress.abs(),
+        Sigma::UnstatedRelative => stress.abs(),
+        Sigma::UnstatedAbsolute => 1.0,
+    };
+    let columns = [("stretch", stretch), ("stress", stress), ("standard deviation", scale)];
+    if let Some((column, _)) = columns.into_iter().find(|(_, value)| !value.is_finite()) {
+        return Err(FitError::NotFinite {
+            curve: name(),
+            row,
+            column,
+        });
+    }
+    if stretch <= 0.0 {
+        return Err(FitError::Stretch {
+            curve: name(),
+            row,
+            stretch,
+        });
+    }
+    let relative = matches!(curve.sigma, Sigma::StatedFraction(_) | Sigma::UnstatedRelative);
+    match (scale > 0.0, relative && stress == 0.0) {
+        (false, true) if stretch != 1.0 => Err(FitError::ZeroStress { curve: name(), row }),
+        (false, false) => Err(FitError::Sigma {
+            curve: name(),
+            row,
+            sigma: scale,
+        }),
+        _ => Ok(Row {
+            curve: index,
+            test: curve.test,
+            stretch,
+            stress,
+            scale,
+        }),
+    }
+}

@@ -1,0 +1,221 @@
+//! Nonlinear least squares within bounds: the method of Levenberg and Marquardt.
+//!
+//! Each step solves (JᵀJ + νD)δ = −Jᵀr, where D is the largest diagonal of JᵀJ so far (Marquardt, SIAM J. Appl. Math. 11
+//! (1963) 431; Moré, Lect. Notes Math. 630 (1978) 105), so the units of the parameters do not matter. A step that
+//! increases the sum of squares, or leads to parameters for which the model has no value, is refused, and ν grows.
+//! Parameters at a bound that would leave it do not take part in a step.
+
+use deaflow_linalg::{Mat, solve_definite};
+
+/// The most steps of one search.
+const STEPS: usize = 500;
+/// A step is negligible if it is smaller than this, relative to the parameters in the norm of D.
+const NEGLIGIBLE: f64 = 1e-12;
+/// Relative differences of the sum of squares up to this are rounding: steps are accepted.
+const ROUNDING: f64 = 1e-13;
+
+/// Residuals, and their derivatives in a matrix with a column for each parameter.
+#[derive(Clone, Debug)]
+pub struct Evaluation {
+    /// The residuals r.
+    pub residual: Vec<f64>,
+    /// J = ∂r/∂q.
+    pub jacobian: Mat<f64>,
+}
+
+impl Evaluation {
+    /// Returns rᵀr.
+    #[must_use]
+    pub fn sum_of_squares(&self) -> f64 {
+        self.residual.iter().map(|r| r * r).sum()
+    }
+
+    /// Returns JᵀJ.
+    #[must_use]
+    pub fn gram(&self) -> Mat<f64> {
+        let count = self.jacobian.ncols();
+        Mat::from_fn(count, count, |i, j| {
+            let products = (0..self.residual.len()).map(|row| self.jacobian[(row, i)] * self.jacobian[(row, j)]);
+            products.sum()
+        })
+    }
+
+    /// Returns Jᵀr.
+    #[must_use]
+    pub fn gradient(&self) -> Vec<f64> {
+        let entry = |i: usize| {
+            self.residual
+                .iter()
+                .enumerate()
+                .map(|(row, r)| self.jacobian[(row, i)] * r)
+                .sum()
+        };
+        (0..self.jacobian.ncols()).map(entry).collect()
+    }
+}
+
+/// The smallest and largest value of each parameter.
+#[derive(Clone, Debug)]
+pub struct Bounds {
+    /// The smallest values.
+    pub lower: Vec<f64>,
+    /// The largest values.
+    pub upper: Vec<f64>,
+}
+
+impl Bounds {
+    /// Returns the nearest point within the bounds.
+    #[must_use]
+    pub fn project(&self, point: &[f64]) -> Vec<f64> {
+        let limits = self.lower.iter().zip(&self.upper);
+        point
+            .iter()
+            .zip(limits)
+            .map(|(q, (low, high))| q.max(*low).min(*high))
+            .collect()
+    }
+
+    /// Returns whether parameter `i` is at a bound that a move in the direction of the sign of `by` would leave.
+    fn blocks(&self, point: &[f64], i: usize, by: f64) -> bool {
+        (point[i] <= self.lower[i] && by <= 0.0) || (point[i] >= self.upper[i] && by >= 0.0)
+    }
+}
+
+/// The end of a search.
+#[derive(Clone, Debug)]
+pub struct Minimum {
+    /// The parameters.
+    pub point: Vec<f64>,
+    /// The residuals there.
+    pub evaluation: Evaluation,
+    /// rᵀr.
+    pub sum_of_squares: f64,
+    /// The number of steps, refused ones included.
+    pub iterations: usize,
+    /// Whether the last two steps were negligible.
+    pub converged: bool,
+}
+
+/// A model whose residuals have no value for some parameters.
+pub type Residuals<'a> = dyn Fn(&[f64]) -> Option<Evaluation> + 'a;
+
+/// Returns the local minimum of rᵀr that a search from `start` ends at; `None` if there are no residuals at the start.
+#[must_use]
+pub fn minimise(residuals: &Residuals<'_>, start: &[f64], bounds: &Bounds) -> Option<Minimum> {
+    let mut point = bounds.project(start);
+    let mut current = residuals(&point)?;
+    let mut sum_of_squares = current.sum_of_squares();
+    if !sum_of_squares.is_finite() {
+        return None;
+    }
+    let mut scale = vec![0.0_f64; point.len()];
+    let mut damping = 1e-3;
+    let (mut iterations, mut negligible) = (0, 0);
+    while iterations < STEPS && negligible < 2 {
+        iterations += 1;
+        let gram = current.gram();
+        for (i, largest) in scale.iter_mut().enumerate() {
+            *largest = largest.max(gram[(i, i)]);
+        }
+        let step = damped_step(&gram, &current.gradient(), &scale, damping, &point, bounds);
+        let Some(step) = step else {
+            damping *= 4.0;
+            continue;
+        };
+        let moved: Vec<f64> = point.iter().zip(&step).map(|(q, d)| q + d).collect();
+        let moved = bounds.project(&moved);
+        let size = |of: &dyn Fn(usize) -> f64| -> f64 {
+            let squares = scale.iter().enumerate().map(|(i, s)| s * of(i) * of(i));
+            squares.sum::<f64>().sqrt()
+        };
+        let small = size(&|i| moved[i] - point[i]) <= NEGLIGIBLE * size(&|i| point[i]);
+        negligible = if small { negligible + 1 } else { 0 };
+        let evaluation = residuals(&moved).map(|e| (e.sum_of_squares(), e));
+        match evaluation.filter(|(sum, _)| *sum <= sum_of_squares * (1.0 + ROUNDING)) {
+            Some((sum, next)) => {
+                (point, current, sum_of_squares) = (moved, next, sum);
+                damping = f64::max(damping / 9.0, 1e-15);
+            }
+            None => damping *= 4.0,
+        }
+    }
+    Some(Minimum {
+        point,
+        evaluation: current,
+        sum_of_squares,
+        iterations,
+        converged: negligible >= 2,
+    })
+}
+
+/// Returns the step of the parameters that can move; `None` if the system is singular to working precision.
+fn damped_step(
+    gram: &Mat<f64>,
+    gradient: &[f64],
+    scale: &[f64],
+    damping: f64,
+    point: &[f64],
+    bounds: &Bounds,
+) -> Option<Vec<f64>> {
+    let count = point.len();
+    let free: Vec<usize> = (0..count)
+        .filter(|&i| scale[i] > 0.0 && !bounds.blocks(point, i, -gradient[i]))
+        .collect();
+    let mut step = vec![0.0; count];
+    if free.is_empty() {
+        return Some(step);
+    }
+    let system = Mat::from_fn(free.len(), free.len(), |a, b| {
+        let (i, j) = (free[a], free[b]);
+        let entry = gram[(i, j)] / (scale[i] * scale[j]).sqrt();
+        if a == b { entry + damping } else { entry }
+    });
+    let right: Vec<f64> = free.iter().map(|&i| -gradient[i] / scale[i].sqrt()).collect();
+    let solution = solve_definite(&system, &right)?;
+    for (&i, value) in free.iter().zip(solution) {
+        step[i] = value / scale[i].sqrt();
+    }
+    step.iter().all(|d| d.is_finite()).then_some(step)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Bounds, Evaluation, minimise};
+    use deaflow_linalg::Mat;
+
+    /// Rosenbrock's function, with no value beyond a circle.
+    fn rosenbrock(q: &[f64]) -> Option<Evaluation> {
+        (q[0].hypot(q[1]) < 3.0).then(|| Evaluation {
+            residual: vec![10.0 * (q[1] - q[0] * q[0]), 1.0 - q[0]],
+            jacobian: Mat::from_fn(2, 2, |i, j| [[-20.0 * q[0], 10.0], [-1.0, 0.0]][i][j]),
+        })
+    }
+
+    fn within(lower: [f64; 2], upper: [f64; 2]) -> Bounds {
+        Bounds {
+            lower: lower.to_vec(),
+            upper: upper.to_vec(),
+        }
+    }
+
+    #[test]
+    fn a_curved_valley_is_followed_to_its_end() {
+        let end = minimise(&rosenbrock, &[-1.2, 1.0], &within([-9.0; 2], [9.0; 2])).unwrap();
+        assert!(end.converged && end.iterations < 60, "{end:?}");
+        assert!(
+            (end.point[0] - 1.0).abs() < 1e-12 && (end.point[1] - 1.0).abs() < 1e-12,
+            "{end:?}"
+        );
+        assert!(minimise(&rosenbrock, &[4.0, 4.0], &within([-9.0; 2], [9.0; 2])).is_none());
+    }
+
+    /// On the edge q₀ = ½ the minimum is at q₁ = ¼.
+    #[test]
+    fn a_bound_holds() {
+        let end = minimise(&rosenbrock, &[-1.2, 1.0], &within([-9.0; 2], [0.5, 9.0])).unwrap();
+        assert!(
+            end.converged && end.point[0] == 0.5 && (end.point[1] - 0.25).abs() < 1e-12,
+            "{end:?}"
+        );
+    }
+}

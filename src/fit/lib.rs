@@ -1,0 +1,28 @@
+//! Least-squares fits of hyperelastic laws to homogeneous tests of an incompressible elastomer.
+//!
+//! A test stretches a specimen uniformly and records the nominal stress: force per undeformed area. [`fit()`] finds the
+//! parameters of a law that agree best with one or several [`Curve`]s, and states how well the data determine each of
+//! them. [`compare()`] ranks several laws. Laws and parameters are those of scenes; stresses are in Pa.
+
+mod compare;
+mod curve;
+mod deformation;
+mod fit;
+mod law;
+mod least_squares;
+mod non_negative;
+mod profile;
+mod stability;
+mod starts;
+mod statistics;
+
+pub use compare::{Candidate, compare};
+pub use curve::{Curve, FitError, Sigma};
+pub use deformation::Test;
+pub use fit::{CurveResiduals, Fit, Options, Outlier, Parameter, Profiles, Verdict, fit};
+pub use law::{Law, LawKind, OgdenTerm};
+pub use least_squares::{Bounds, Evaluation, Minimum, minimise};
+pub use non_negative::non_negative;
+pub use profile::profile;
+pub use stability::{Stability, falling_ranges};
+pub use statistics::{Direction, Information, Uncertainty, student_t};

@@ -1,0 +1,225 @@
+//! Where the searches for the parameters of a law start, and the coordinates in which they run.
+//!
+//! Every law is linear in its moduli, so a start needs a grid of the other parameters alone. Ogden's law has several
+//! local minima: its starts are the best of all combinations of exponents on a grid.
+
+use crate::curve::{FitError, Points, Row};
+use crate::fit::Options;
+use crate::law::{Law, LawKind, OgdenTerm};
+use crate::least_squares::Bounds;
+use crate::non_negative::non_negative;
+use deaflow_linalg::Mat;
+
+/// The searches of Ogden's law.
+const OGDEN_STARTS: usize = 12;
+/// The largest number of combinations of exponents that are tried.
+const COMBINATIONS: f64 = 4000.0;
+/// The exponents of Ogden's law from which combinations are made.
+const EXPONENTS: [f64; 22] = [
+    -10.0, -8.0, -6.0, -5.0, -4.0, -3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.5, 10.0,
+    12.0,
+];
+
+/// A parameter as the search sees it.
+#[derive(Clone, Debug)]
+pub(crate) struct Coordinate {
+    pub name: String,
+    /// Whether the coordinate is the logarithm of the parameter.
+    pub logarithmic: bool,
+    /// Whether the parameter is an exponent, of which a change by 1 is a relative change of the stress.
+    pub exponent: bool,
+    /// The bounds of the parameter.
+    pub limits: (f64, f64),
+}
+
+impl Coordinate {
+    pub fn value(&self, coordinate: f64) -> f64 {
+        if self.logarithmic { coordinate.exp() } else { coordinate }
+    }
+
+    pub fn coordinate(&self, value: f64) -> f64 {
+        if self.logarithmic { value.ln() } else { value }
+    }
+}
+
+/// Returns the coordinates of a law with their bounds, where `modulus` is that of the neo-Hookean law.
+///
+/// # Errors
+/// When given bounds name no parameter, or are not in order.
+pub(crate) fn coordinates(kind: LawKind, modulus: f64, options: &Options) -> Result<Vec<Coordinate>, FitError> {
+    let mut coordinates: Vec<Coordinate> = kind
+        .parameters()
+        .into_iter()
+        .map(|name| default(name, modulus))
+        .collect();
+    for (name, lower, upper) in &options.bounds {
+        let is_meant = |c: &&mut Coordinate| c.name == *name || base_name(&c.name) == name;
+        let mut meant = coordinates.iter_mut().filter(is_meant).peekable();
+        if meant.peek().is_none() {
+            return Err(FitError::UnknownParameter {
+                law: kind.name(),
+                name: name.clone(),
+            });
+        }
+        for coordinate in meant {
+            let positive = !coordinate.logarithmic || *lower > 0.0;
+            if !(lower < upper && positive && lower.is_finite() && upper.is_finite()) {
+                return Err(FitError::Bounds {
+                    name: name.clone(),
+                    lower: *lower,
+                    upper: *upper,
+                });
+            }
+            coordinate.limits = (*lower, *upper);
+        }
+    }
+    Ok(coordinates)
+}
+
+/// Returns the name without the number of a term.
+fn base_name(name: &str) -> &str {
+    match name.rsplit_once('_') {
+        Some((base, number)) if number.parse::<usize>().is_ok() => base,
+        _ => name,
+    }
+}
+
+/// Returns the coordinate of a parameter with its bounds, those of scenes.
+fn default(name: String, modulus: f64) -> Coordinate {
+    let (logarithmic, limits) = match base_name(&name) {
+        "jm" => (true, (1e-3, 1e12)),
+        "locking_stretch" => (true, (1.0, 1e6)),
+        "c2" | "c3" => (false, (-1e9, 1e9)),
+        "alpha" => (false, (-15.0, 15.0)),
+        _ => (true, (1e-9 * modulus, 1e6 * modulus)),
+    };
+    Coordinate {
+        logarithmic,
+        exponent: base_name(&name) == "alpha",
+        limits,
+        name,
+    }
+}
+
+/// Returns the bounds of coordinates.
+pub(crate) fn bounds(coordinates: &[Coordinate]) -> Bounds {
+    Bounds {
+        lower: coordinates.iter().map(|c| c.coordinate(c.limits.0)).collect(),
+        upper: coordinates.iter().map(|c| c.coordinate(c.limits.1)).collect(),
+    }
+}
+
+/// Returns the parameters from which searches start, the most promising first.
+pub(crate) fn starts(kind: LawKind, points: &Points, modulus: f64, coordinates: &[Coordinate]) -> Vec<Vec<f64>> {
+    let largest = points.counted().map(first_invariant).fold(3.0, f64::max);
+    match kind {
+        LawKind::NeoHookean => vec![vec![modulus]],
+        LawKind::Yeoh => vec![vec![modulus, 0.0, 0.0]],
+        LawKind::MooneyRivlin => vec![vec![modulus, 0.0]],
+        LawKind::Gent => with_limit(kind, points, |excess| (largest - 3.0) * (1.0 + excess)),
+        LawKind::ArrudaBoyce => with_limit(kind, points, |excess| (largest / 3.0).sqrt() * (1.0 + excess)),
+        LawKind::Ogden(terms) => ogden(terms, points, coordinates),
+    }
+}
+
+fn first_invariant(row: &Row) -> f64 {
+    row.test.squared_stretches(row.stretch).iter().sum()
+}
+
+/// Returns starts with the best limits of extensibility on a grid between 0.1 % and a factor of 1000 beyond the data.
+fn with_limit(kind: LawKind, points: &Points, limit: impl Fn(f64) -> f64) -> Vec<Vec<f64>> {
+    let mut found: Vec<(f64, Vec<f64>)> = (0..=48)
+        .filter_map(|step| {
+            let limit = limit(10_f64.powf(-3.0 + f64::from(step) / 8.0));
+            let (modulus, sum) = linear_modulus(&kind.with(&[1.0, limit])?, points)?;
+            (modulus > 0.0).then(|| (sum, vec![modulus, limit]))
+        })
+        .collect();
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    found.into_iter().map(|(_, start)| start).step_by(4).take(3).collect()
+}
+
+/// Returns the modulus that fits best by linear least squares, for a law with the modulus 1, and the sum of squares.
+pub(crate) fn linear_modulus(law: &Law, points: &Points) -> Option<(f64, f64)> {
+    let (mut model_model, mut model_data, mut data_data) = (0.0, 0.0, 0.0);
+    for row in points.counted() {
+        let model = law.nominal_stress(row.test, row.stretch)? / row.scale;
+        let data = row.stress / row.scale;
+        model_model += model * model;
+        model_data += model * data;
+        data_data += data * data;
+    }
+    let modulus = model_data / model_model;
+    Some((modulus, data_data - modulus * model_data))
+}
+
+/// Returns the best combinations of exponents, each with the moduli that fit best and are not negative.
+fn ogden(terms: usize, points: &Points, coordinates: &[Coordinate]) -> Vec<Vec<f64>> {
+    let limits = coordinates
+        .iter()
+        .find(|c| c.exponent)
+        .map_or((-15.0, 15.0), |c| c.limits);
+    let exponents = exponents_within(limits, terms);
+    let columns: Vec<Vec<f64>> = exponents.iter().map(|alpha| column(*alpha, points)).collect();
+    let data: Vec<f64> = points.counted().map(|row| row.stress / row.scale).collect();
+    let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+    let gram = Mat::from_fn(columns.len(), columns.len(), |i, j| dot(&columns[i], &columns[j]));
+    let right: Vec<f64> = columns.iter().map(|column| dot(column, &data)).collect();
+    let mut found: Vec<(f64, Vec<f64>)> = combinations(exponents.len(), terms)
+        .into_iter()
+        .map(|chosen| {
+            let system = Mat::from_fn(chosen.len(), chosen.len(), |a, b| gram[(chosen[a], chosen[b])]);
+            let reduced: Vec<f64> = chosen.iter().map(|&i| right[i]).collect();
+            let moduli = non_negative(&system, &reduced);
+            // At the minimum over x ≥ 0, xᵀAx = bᵀx.
+            let gain = dot(&moduli, &reduced);
+            let total: f64 = moduli.iter().sum();
+            let pair = |(modulus, &i): (&f64, &usize)| [modulus.max(1e-4 * total), exponents[i]];
+            (gain, moduli.iter().zip(&chosen).flat_map(pair).collect())
+        })
+        .collect();
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    found.into_iter().map(|(_, start)| start).take(OGDEN_STARTS).collect()
+}
+
+/// Returns the stresses of one term with the modulus 1, divided by the scales.
+fn column(alpha: f64, points: &Points) -> Vec<f64> {
+    let law = Law::Ogden(vec![OgdenTerm {
+        shear_modulus: 1.0,
+        alpha,
+    }]);
+    let stress = |row: &Row| law.nominal_stress(row.test, row.stretch).unwrap_or(f64::NAN) / row.scale;
+    points.counted().map(stress).collect()
+}
+
+/// Returns the exponents of the grid within limits: so few that not too many combinations of them are tried.
+fn exponents_within((low, high): (f64, f64), terms: usize) -> Vec<f64> {
+    let mut grid = EXPONENTS.map(|alpha| alpha.clamp(low, high)).to_vec();
+    grid.dedup();
+    let count = EXPONENTS.len();
+    if grid.len() < count / 2 {
+        grid = (0..count)
+            .map(|i| low + (high - low) * i as f64 / (count - 1) as f64)
+            .collect();
+    }
+    let choices = |of: usize| (0..terms).fold(1.0, |product, k| product * of.saturating_sub(k) as f64 / (k + 1) as f64);
+    let mut kept = grid.len();
+    while choices(kept) > COMBINATIONS && kept > terms {
+        kept -= 1;
+    }
+    let index = |i: usize| i * (grid.len() - 1) / (kept - 1).max(1);
+    (0..kept).map(|i| grid[index(i)]).collect()
+}
+
+/// Returns all ascending choices of `chosen` of `count` indices.
+fn combinations(count: usize, chosen: usize) -> Vec<Vec<usize>> {
+    let mut all = vec![Vec::new()];
+    for _ in 0..chosen {
+        let longer = |begun: Vec<usize>| {
+            let next = begun.last().map_or(0, |last| last + 1);
+            (next..count).map(move |index| [begun.as_slice(), &[index]].concat())
+        };
+        all = all.into_iter().flat_map(longer).collect();
+    }
+    all
+}
