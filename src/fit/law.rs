@@ -346,7 +346,7 @@ mod tests {
         ]
     }
 
-    /// From an independent program (Python, mpmath), in kPa; uniaxial 2.5, equibiaxial 2, pure shear 2.5.
+    /// From an independent program, in kPa; uniaxial 2.5, equibiaxial 2, pure shear 2.5.
     #[test]
     fn stresses_agree_with_an_independent_program() {
         let known = [

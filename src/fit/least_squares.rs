@@ -9,9 +9,10 @@ use deaflow_linalg::{Mat, solve_definite};
 
 /// The most steps of one search.
 const STEPS: usize = 500;
-/// A step is negligible if it is smaller than this, relative to the parameters in the norm of D.
+/// A step is negligible if it changes the residuals by less than this, relative to the parameters in the norm of D. The
+/// step itself may stay larger along directions that the residuals do not determine.
 const NEGLIGIBLE: f64 = 1e-12;
-/// Relative differences of the sum of squares up to this are rounding: steps are accepted.
+/// Relative differences of the sum of squares up to this are rounding: then the gradient tells which point is better.
 const ROUNDING: f64 = 1e-13;
 
 /// Residuals, and their derivatives in a matrix with a column for each parameter.
@@ -124,15 +125,18 @@ pub fn minimise(residuals: &Residuals<'_>, start: &[f64], bounds: &Bounds) -> Op
         };
         let moved: Vec<f64> = point.iter().zip(&step).map(|(q, d)| q + d).collect();
         let moved = bounds.project(&moved);
-        let size = |of: &dyn Fn(usize) -> f64| -> f64 {
-            let squares = scale.iter().enumerate().map(|(i, s)| s * of(i) * of(i));
-            squares.sum::<f64>().sqrt()
-        };
-        let small = size(&|i| moved[i] - point[i]) <= NEGLIGIBLE * size(&|i| point[i]);
+        let change: Vec<f64> = moved.iter().zip(&point).map(|(new, old)| new - old).collect();
+        let extent = scale.iter().zip(&point).map(|(s, q)| s * q * q).sum::<f64>().sqrt();
+        let small = effect(&gram, &change) <= NEGLIGIBLE * extent;
         negligible = if small { negligible + 1 } else { 0 };
-        let evaluation = residuals(&moved).map(|e| (e.sum_of_squares(), e));
-        match evaluation.filter(|(sum, _)| *sum <= sum_of_squares * (1.0 + ROUNDING)) {
-            Some((sum, next)) => {
+        let trial = residuals(&moved).map(|e| (e.sum_of_squares(), steepness(&e.gradient(), &scale), e));
+        let steep = steepness(&current.gradient(), &scale);
+        let improves = |sum: f64, trial: f64| {
+            let rounding = ROUNDING * sum_of_squares;
+            sum < sum_of_squares - rounding || (sum <= sum_of_squares + rounding && trial < steep)
+        };
+        match trial.filter(|(sum, trial, _)| improves(*sum, *trial)) {
+            Some((sum, _, next)) => {
                 (point, current, sum_of_squares) = (moved, next, sum);
                 damping = f64::max(damping / 9.0, 1e-15);
             }
@@ -146,6 +150,19 @@ pub fn minimise(residuals: &Residuals<'_>, start: &[f64], bounds: &Bounds) -> Op
         iterations,
         converged: negligible >= 2,
     })
+}
+
+/// Returns the length of the gradient in the norm of D⁻¹.
+fn steepness(gradient: &[f64], scale: &[f64]) -> f64 {
+    let terms = gradient.iter().zip(scale).filter(|(_, s)| **s > 0.0);
+    terms.map(|(g, s)| g * g / s).sum()
+}
+
+/// Returns |Jδ|, the change of the residuals by a step.
+fn effect(gram: &Mat<f64>, step: &[f64]) -> f64 {
+    let row = |i: usize| step.iter().enumerate().map(|(j, d)| gram[(i, j)] * d).sum::<f64>();
+    let square: f64 = step.iter().enumerate().map(|(i, d)| d * row(i)).sum();
+    square.max(0.0).sqrt()
 }
 
 /// Returns the step of the parameters that can move; `None` if the system is singular to working precision.

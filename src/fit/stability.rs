@@ -43,10 +43,10 @@ impl Stability {
     }
 }
 
-/// Returns the ranges of stretch over which the nominal stress falls, or has no value.
+/// Returns the ranges of stretch over which the nominal stress falls. Beyond a limit of extensibility it does not.
 #[must_use]
 pub fn falling_ranges(law: &Law, test: Test, from: f64, to: f64) -> Vec<(f64, f64)> {
-    let falls = |l: f64| !slope(law, test, l).is_some_and(|slope| slope >= 0.0);
+    let falls = |l: f64| slope(law, test, l).is_some_and(|slope| slope < 0.0);
     let (from, to) = (from.ln(), to.ln());
     let at = |step: usize| from + (to - from) * step as f64 / STEPS as f64;
     let mut ranges = Vec::new();
@@ -141,7 +141,7 @@ mod tests {
     use super::{Stability, falling_ranges};
     use crate::{Law, OgdenTerm, Test};
 
-    /// From an independent program (Python): roots of ∂P/∂λ.
+    /// From an independent program: roots of ∂P/∂λ.
     #[test]
     fn a_yeoh_law_falls_where_an_independent_program_says() {
         let law = Law::Yeoh {

@@ -11,7 +11,8 @@ const NULL: f64 = 1e-6;
 /// A part in a direction below this is rounding.
 const NEGLIGIBLE_PART: f64 = 1e-3;
 
-/// Information criteria; smaller is better.
+/// Information criteria; smaller is better. Only differences between laws count: where σ is not stated, the numbers
+/// depend on the unit of the residuals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Information {
     /// Akaike's criterion, corrected for few points (Hurvich and Tsai, Biometrika 76 (1989) 297); infinite with too

@@ -1,0 +1,254 @@
+//! Fits against the answers of an independent program (closed forms and scipy's trust-region method, in Python).
+
+use deaflow_fit::{Candidate, Curve, Fit, Law, LawKind, Options, Profiles, Sigma, Test, Verdict, compare, fit};
+
+/// The data of Treloar (Trans. Faraday Soc. 40 (1944) 59), digitised by C. Zhao: github
+/// Chongran-Zhao/Calibration-Hyperelasticity, data/Treloar_1944/{UT,ET,PS}.txt at commit 27d9953; in Pa.
+fn treloar(sigma: &Sigma) -> Vec<Curve> {
+    let tables = [
+        (Test::Uniaxial, include_str!("treloar/uniaxial.csv")),
+        (Test::Equibiaxial, include_str!("treloar/equibiaxial.csv")),
+        (Test::PureShear, include_str!("treloar/pure-shear.csv")),
+    ];
+    let curve = |(test, table): (Test, &str)| {
+        let rows = table.lines().skip(1).map(|line| line.split_once(',').unwrap());
+        let rows: Vec<(f64, f64)> = rows.map(|(a, b)| (a.parse().unwrap(), b.parse().unwrap())).collect();
+        Curve {
+            name: test.name().to_owned(),
+            test,
+            stretch: rows.iter().map(|row| row.0).collect(),
+            stress_pa: rows.iter().map(|row| 1e6 * row.1).collect(),
+            sigma: sigma.clone(),
+        }
+    };
+    tables.map(curve).to_vec()
+}
+
+/// Asserts that a number agrees with a known one to about the last digit in which that is given.
+fn assert_near(number: f64, known: f64, relative: f64) {
+    assert!((number / known - 1.0).abs() <= relative, "{number}, not {known}");
+}
+
+fn candidate(candidates: &[Candidate], kind: LawKind) -> &Candidate {
+    candidates.iter().find(|candidate| candidate.kind == kind).unwrap()
+}
+
+fn values(fit: &Fit) -> Vec<f64> {
+    fit.parameters.iter().map(|parameter| parameter.value).collect()
+}
+
+/// Known answers for a law: parameters, sum of squares, Akaike's criterion and the errors at tests left out; in MPa.
+struct Known {
+    kind: LawKind,
+    values: &'static [f64],
+    sum_of_squares: f64,
+    aicc: f64,
+    left_out: Option<[f64; 3]>,
+}
+
+#[test]
+fn treloar_with_relative_residuals() {
+    let known = [
+        Known {
+            kind: LawKind::Ogden(3),
+            values: &[0.0076756, -2.157651, 0.4022731, 1.243385, 0.0027831, 5.105915],
+            sum_of_squares: 0.2894478187,
+            aicc: -259.6449,
+            left_out: Some([0.076, 0.176, 0.097]),
+        },
+        Known {
+            kind: LawKind::Gent,
+            values: &[0.3388053157, 113.2846845],
+            sum_of_squares: 1.465316534,
+            aicc: -183.6859,
+            left_out: Some([0.252, 0.222, 0.181]),
+        },
+        Known {
+            kind: LawKind::NeoHookean,
+            values: &[0.3882620656],
+            sum_of_squares: 2.643379187,
+            aicc: -154.6664,
+            left_out: Some([0.283, 0.189, 0.178]),
+        },
+    ];
+    check_treloar(&Sigma::UnstatedRelative, 1.0, &known);
+}
+
+#[test]
+fn treloar_with_absolute_residuals() {
+    let known = [
+        Known {
+            kind: LawKind::Ogden(3),
+            values: &[0.0055368, -2.262099, 0.3481787, 1.891594, 4.457916e-6, 8.447780],
+            sum_of_squares: 0.2084900248,
+            aicc: -277.0334,
+            left_out: None,
+        },
+        Known {
+            kind: LawKind::Gent,
+            values: &[0.2744833302, 84.30458735],
+            sum_of_squares: 1.002873517,
+            aicc: -203.7836,
+            left_out: None,
+        },
+        Known {
+            kind: LawKind::NeoHookean,
+            values: &[0.527860252],
+            sum_of_squares: 21.16828675,
+            aicc: -44.4028,
+            left_out: None,
+        },
+    ];
+    check_treloar(&Sigma::UnstatedAbsolute, 1e6, &known);
+}
+
+/// Fits in Pa are compared with known answers in MPa; `unit` is that of the residuals.
+fn check_treloar(sigma: &Sigma, unit: f64, known: &[Known]) {
+    let kinds: Vec<LawKind> = known.iter().rev().map(|known| known.kind).collect();
+    let candidates = compare(&treloar(sigma), &kinds, &Options::default()).unwrap();
+    let order: Vec<LawKind> = candidates.iter().map(|candidate| candidate.kind).collect();
+    assert!(order.iter().rev().eq(&kinds), "{order:?}");
+    for known in known {
+        let found = candidate(&candidates, known.kind);
+        let fit = found.fit.as_ref().unwrap();
+        assert_eq!(fit.verdict, Verdict::Determined, "{:?}", known.kind);
+        for (parameter, value) in fit.parameters.iter().zip(known.values) {
+            let modulus = ["shear_modulus", "g_1", "g_2", "g_3"].contains(&parameter.name.as_str());
+            let digits = if matches!(known.kind, LawKind::Ogden(_)) {
+                2e-5
+            } else {
+                1e-9
+            };
+            assert_near(parameter.value, if modulus { 1e6 * value } else { *value }, digits);
+        }
+        assert_near(fit.sum_of_squares, unit * unit * known.sum_of_squares, 5e-10);
+        let aicc = fit.information.aicc - 2.0 * fit.points as f64 * unit.ln();
+        assert!((aicc - known.aicc).abs() < 1e-4, "{aicc}, not {}", known.aicc);
+        for ((_, error), known) in found.left_out.iter().zip(known.left_out.into_iter().flatten()) {
+            assert!(
+                (error.unwrap() - known).abs() <= 5.1e-4,
+                "{:?}, not {known}",
+                found.left_out
+            );
+        }
+    }
+}
+
+/// The deviates of the known answers: √2 sin(2.3 i²), i = 1, 2, …
+fn deviate(index: usize) -> f64 {
+    f64::sqrt(2.0) * f64::sin(2.3 * (index * index) as f64)
+}
+
+/// Returns the stresses of a law with noise of 2 %; the deviates run through all curves.
+fn noisy(law: &Law, tests: &[(Test, Vec<f64>)]) -> Vec<Curve> {
+    let mut index = 0;
+    let curve = |(test, stretch): &(Test, Vec<f64>)| {
+        let truth: Vec<f64> = stretch.iter().map(|l| law.nominal_stress(*test, *l).unwrap()).collect();
+        let measured = truth.iter().map(|stress| {
+            index += 1;
+            stress * (1.0 + 0.02 * deviate(index))
+        });
+        Curve {
+            name: test.name().to_owned(),
+            test: *test,
+            stretch: stretch.clone(),
+            stress_pa: measured.collect(),
+            sigma: Sigma::Stated(truth.iter().map(|stress| 0.02 * stress.abs()).collect()),
+        }
+    };
+    tests.iter().map(curve).collect()
+}
+
+fn even(count: usize, from: f64, to: f64) -> Vec<f64> {
+    (0..count)
+        .map(|i| from + (to - from) * i as f64 / (count - 1) as f64)
+        .collect()
+}
+
+fn gent(jm: f64) -> Law {
+    Law::Gent {
+        shear_modulus: 50e3,
+        jm,
+    }
+}
+
+fn with_profiles(profiles: Profiles) -> Options {
+    Options {
+        profiles,
+        ..Options::default()
+    }
+}
+
+#[test]
+fn two_tests_determine_a_gent_law() {
+    let tests = [
+        (Test::Uniaxial, even(13, 1.2, 6.0)),
+        (Test::Equibiaxial, even(9, 1.1, 4.0)),
+    ];
+    let curves = noisy(&gent(60.0), &tests);
+    let kinds = [LawKind::NeoHookean, LawKind::Yeoh, LawKind::Gent];
+    let candidates = compare(&curves, &kinds, &with_profiles(Profiles::All)).unwrap();
+    let fits: Vec<&Fit> = candidates
+        .iter()
+        .map(|candidate| candidate.fit.as_ref().unwrap())
+        .collect();
+    for (fit, (kind, aicc)) in fits.iter().zip([
+        (LawKind::Gent, 30.550647),
+        (LawKind::Yeoh, 32.971536),
+        (LawKind::NeoHookean, 2437.181),
+    ]) {
+        assert_eq!(fit.law.kind(), kind);
+        assert!(
+            (fit.information.aicc - aicc).abs() < 1e-3_f64.min(1e-6 * aicc),
+            "{kind:?}: {:?}",
+            fit.information
+        );
+    }
+    let fit = fits[0];
+    assert_near(fit.parameters[0].value, 50.117487e3, 1e-8);
+    assert_near(fit.parameters[1].value, 60.305284, 1e-8);
+    assert_near(fit.parameters[0].standard_error.unwrap(), 0.00593605, 1e-6);
+    assert_near(fit.parameters[1].standard_error.unwrap(), 0.01247799, 1e-6);
+    assert_near(fit.sum_of_squares, 25.919068, 2e-8);
+    let (low, high) = fit.parameters[1].profile.unwrap();
+    assert_near(low, 58.894837, 1e-8);
+    assert_near(high, 61.838884, 1e-8);
+    assert!(fit.outliers.is_empty() && fit.verdict == Verdict::Determined);
+}
+
+/// The largest I₁ − 3 is 4: the limit of 100 can be known from below only.
+#[test]
+fn small_stretches_leave_the_interval_of_a_gent_law_open() {
+    let curves = noisy(&gent(100.0), &[(Test::Uniaxial, even(15, 1.1, 2.5))]);
+    let fit = fit(&curves, LawKind::Gent, &with_profiles(Profiles::All)).unwrap();
+    assert_near(fit.parameters[0].value, 50.536798e3, 1e-8);
+    assert_near(fit.parameters[1].value, 248.64126, 2e-8);
+    assert_near(fit.sum_of_squares, 15.719268, 3e-8);
+    let [modulus, limit] = [0, 1].map(|i| fit.parameters[i].profile.unwrap());
+    assert_near(modulus.0, 49.723021e3, 1e-8);
+    assert_near(modulus.1, 51.303810e3, 1e-8);
+    assert_near(limit.0, 85.143052, 1e-8);
+    assert_eq!(limit.1, f64::INFINITY);
+    println!("{:?}", fit.directions);
+    assert_eq!(fit.verdict.to_string(), "the data do not determine jm");
+}
+#[test]
+fn runaway() {
+    let law = Law::Ogden(vec![deaflow_fit::OgdenTerm {
+        shear_modulus: 20e3,
+        alpha: 1.5,
+    }]);
+    let curves = noisy(&law, &[(Test::Uniaxial, even(8, 1.2, 3.0))]);
+    for k in [
+        LawKind::Gent,
+        LawKind::ArrudaBoyce,
+        LawKind::Ogden(2),
+        LawKind::Ogden(3),
+    ] {
+        let f = fit(&curves, k, &with_profiles(Profiles::Wide)).unwrap();
+        println!(
+            "{:?} {} {} {:?} {}",
+            f.law, f.sum_of_squares, f.iterations, f.searches, f.verdict
+        );
+    }
+}
