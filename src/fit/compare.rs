@@ -2,7 +2,7 @@
 
 use crate::curve::{Curve, FitError, Points};
 use crate::deformation::Test;
-use crate::fit::{Fit, Options, Search, fit, residual};
+use crate::fit::{Fit, LawModel, Options, fit, residual};
 use crate::law::LawKind;
 use std::collections::BTreeSet;
 
@@ -54,7 +54,8 @@ pub fn compare(curves: &[Curve], kinds: &[LawKind], options: &Options) -> Result
 /// Returns the root mean square of the residuals at a test after a fit to the others.
 fn error_at(test: Test, points: &Points, kind: LawKind, options: &Options) -> Option<f64> {
     let [others, left_out] = [points.of(|of| of != test), points.of(|of| of == test)];
-    let law = Search::new(&others, kind, options).ok()?.law;
+    let model = LawModel::new(&others, kind, options).ok()?;
+    let law = model.law(&model.solve().ok()?).ok()?;
     let residuals: Option<Vec<f64>> = left_out.counted().map(|row| residual(&law, row)).collect();
     let residuals = residuals?;
     let sum: f64 = residuals.iter().map(|r| r * r).sum();

@@ -224,7 +224,18 @@ impl Law {
                     fewer.remove(p);
                     Self::Ogden(fewer)
                 };
-                (0..terms.len()).map(without).collect()
+                let merged = |p: usize| {
+                    let mut fewer = terms.clone();
+                    let first = fewer.remove(p);
+                    let second = fewer[p];
+                    let shear_modulus = first.shear_modulus + second.shear_modulus;
+                    let moment = first.shear_modulus * first.alpha + second.shear_modulus * second.alpha;
+                    let alpha = moment / shear_modulus;
+                    fewer[p] = OgdenTerm { shear_modulus, alpha };
+                    Self::Ogden(fewer)
+                };
+                let merged = (0..terms.len() - 1).map(merged);
+                (0..terms.len()).map(without).chain(merged).collect()
             }
         }
     }

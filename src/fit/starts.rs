@@ -1,4 +1,4 @@
-//! Where the searches for the parameters of a law start, and the coordinates in which they run.
+//! The bounds of parameters, and where the searches for them start.
 //!
 //! Every law is linear in its moduli, so a start needs a grid of the other parameters alone. Ogden's law has several
 //! local minima: its starts are the best of all combinations of exponents on a grid.
@@ -6,8 +6,8 @@
 use crate::curve::{FitError, Points, Row};
 use crate::fit::Options;
 use crate::law::{Law, LawKind, OgdenTerm};
-use crate::least_squares::Bounds;
 use crate::non_negative::non_negative;
+use crate::solution::{Coordinate, Scale};
 use deaflow_linalg::Mat;
 
 /// The searches of Ogden's law.
@@ -20,49 +20,28 @@ const EXPONENTS: [f64; 22] = [
     12.0,
 ];
 
-/// A parameter as the search sees it.
-#[derive(Clone, Debug)]
-pub(crate) struct Coordinate {
-    pub name: String,
-    /// Whether the coordinate is the logarithm of the parameter.
-    pub logarithmic: bool,
-    /// Whether the parameter is an exponent, of which a change by 1 is a relative change of the stress.
-    pub exponent: bool,
-    /// The bounds of the parameter.
-    pub limits: (f64, f64),
-}
-
-impl Coordinate {
-    pub fn value(&self, coordinate: f64) -> f64 {
-        if self.logarithmic { coordinate.exp() } else { coordinate }
-    }
-
-    pub fn coordinate(&self, value: f64) -> f64 {
-        if self.logarithmic { value.ln() } else { value }
-    }
-}
-
-/// Returns the coordinates of a law with their bounds, where `modulus` is that of the neo-Hookean law.
+/// Returns parameters with their bounds, where `modulus` is that of the neo-Hookean law.
 ///
 /// # Errors
 /// When given bounds name no parameter, or are not in order.
-pub(crate) fn coordinates(kind: LawKind, modulus: f64, options: &Options) -> Result<Vec<Coordinate>, FitError> {
-    let mut coordinates: Vec<Coordinate> = kind
-        .parameters()
-        .into_iter()
-        .map(|name| default(name, modulus))
-        .collect();
+pub(crate) fn coordinates(
+    law: &'static str,
+    names: Vec<String>,
+    modulus: f64,
+    options: &Options,
+) -> Result<Vec<Coordinate>, FitError> {
+    let mut coordinates: Vec<Coordinate> = names.into_iter().map(|name| default(name, modulus)).collect();
     for (name, lower, upper) in &options.bounds {
         let is_meant = |c: &&mut Coordinate| c.name == *name || base_name(&c.name) == name;
         let mut meant = coordinates.iter_mut().filter(is_meant).peekable();
         if meant.peek().is_none() {
             return Err(FitError::UnknownParameter {
-                law: kind.name(),
+                law,
                 name: name.clone(),
             });
         }
         for coordinate in meant {
-            let positive = !coordinate.logarithmic || *lower > 0.0;
+            let positive = coordinate.scale != Scale::Logarithm || *lower > 0.0;
             if !(lower < upper && positive && lower.is_finite() && upper.is_finite()) {
                 return Err(FitError::Bounds {
                     name: name.clone(),
@@ -86,27 +65,15 @@ fn base_name(name: &str) -> &str {
 
 /// Returns the coordinate of a parameter with its bounds, those of scenes.
 fn default(name: String, modulus: f64) -> Coordinate {
-    let (logarithmic, limits) = match base_name(&name) {
-        "jm" => (true, (1e-3, 1e12)),
-        "locking_stretch" => (true, (1.0, 1e6)),
-        "c2" | "c3" => (false, (-1e9, 1e9)),
-        "alpha" => (false, (-15.0, 15.0)),
-        _ => (true, (1e-9 * modulus, 1e6 * modulus)),
+    let (scale, limits) = match base_name(&name) {
+        "jm" => (Scale::Logarithm, (1e-3, 1e12)),
+        "locking_stretch" => (Scale::Logarithm, (1.0, 1e6)),
+        "tau" => (Scale::Logarithm, (1e-12, 1e12)),
+        "c2" | "c3" => (Scale::Modulus, (-1e9, 1e9)),
+        "alpha" => (Scale::Exponent, (-15.0, 15.0)),
+        _ => (Scale::Logarithm, (1e-9 * modulus, 1e6 * modulus)),
     };
-    Coordinate {
-        logarithmic,
-        exponent: base_name(&name) == "alpha",
-        limits,
-        name,
-    }
-}
-
-/// Returns the bounds of coordinates.
-pub(crate) fn bounds(coordinates: &[Coordinate]) -> Bounds {
-    Bounds {
-        lower: coordinates.iter().map(|c| c.coordinate(c.limits.0)).collect(),
-        upper: coordinates.iter().map(|c| c.coordinate(c.limits.1)).collect(),
-    }
+    Coordinate { name, scale, limits }
 }
 
 /// Returns the parameters from which searches start, the most promising first.
@@ -139,8 +106,18 @@ fn with_limit(kind: LawKind, points: &Points, limit: impl Fn(f64) -> f64) -> Vec
     found.into_iter().map(|(_, start)| start).step_by(4).take(3).collect()
 }
 
+/// Returns the modulus of the neo-Hookean law.
+///
+/// # Errors
+/// When it is not positive.
+pub(crate) fn neo_hookean_modulus(points: &Points) -> Result<f64, FitError> {
+    let modulus = linear_modulus(&Law::NeoHookean { shear_modulus: 1.0 }, points);
+    let positive = modulus.map(|(modulus, _)| modulus).filter(|modulus| *modulus > 0.0);
+    positive.ok_or(FitError::WrongSign)
+}
+
 /// Returns the modulus that fits best by linear least squares, for a law with the modulus 1, and the sum of squares.
-pub(crate) fn linear_modulus(law: &Law, points: &Points) -> Option<(f64, f64)> {
+fn linear_modulus(law: &Law, points: &Points) -> Option<(f64, f64)> {
     let (mut model_model, mut model_data, mut data_data) = (0.0, 0.0, 0.0);
     for row in points.counted() {
         let model = law.nominal_stress(row.test, row.stretch)? / row.scale;
@@ -157,7 +134,7 @@ pub(crate) fn linear_modulus(law: &Law, points: &Points) -> Option<(f64, f64)> {
 fn ogden(terms: usize, points: &Points, coordinates: &[Coordinate]) -> Vec<Vec<f64>> {
     let limits = coordinates
         .iter()
-        .find(|c| c.exponent)
+        .find(|c| c.scale == Scale::Exponent)
         .map_or((-15.0, 15.0), |c| c.limits);
     let exponents = exponents_within(limits, terms);
     let columns: Vec<Vec<f64>> = exponents.iter().map(|alpha| column(*alpha, points)).collect();

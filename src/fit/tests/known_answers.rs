@@ -33,10 +33,6 @@ fn candidate(candidates: &[Candidate], kind: LawKind) -> &Candidate {
     candidates.iter().find(|candidate| candidate.kind == kind).unwrap()
 }
 
-fn values(fit: &Fit) -> Vec<f64> {
-    fit.parameters.iter().map(|parameter| parameter.value).collect()
-}
-
 /// Known answers for a law: parameters, sum of squares, Akaike's criterion and the errors at tests left out; in MPa.
 struct Known {
     kind: LawKind,
@@ -229,26 +225,5 @@ fn small_stretches_leave_the_interval_of_a_gent_law_open() {
     assert_near(modulus.1, 51.303810e3, 1e-8);
     assert_near(limit.0, 85.143052, 1e-8);
     assert_eq!(limit.1, f64::INFINITY);
-    println!("{:?}", fit.directions);
-    assert_eq!(fit.verdict.to_string(), "the data do not determine jm");
-}
-#[test]
-fn runaway() {
-    let law = Law::Ogden(vec![deaflow_fit::OgdenTerm {
-        shear_modulus: 20e3,
-        alpha: 1.5,
-    }]);
-    let curves = noisy(&law, &[(Test::Uniaxial, even(8, 1.2, 3.0))]);
-    for k in [
-        LawKind::Gent,
-        LawKind::ArrudaBoyce,
-        LawKind::Ogden(2),
-        LawKind::Ogden(3),
-    ] {
-        let f = fit(&curves, k, &with_profiles(Profiles::Wide)).unwrap();
-        println!(
-            "{:?} {} {} {:?} {}",
-            f.law, f.sum_of_squares, f.iterations, f.searches, f.verdict
-        );
-    }
+    assert_eq!(fit.verdict.to_string(), "the data bound jm on one side at most");
 }

@@ -1,0 +1,319 @@
+//! The search for the parameters of a model, and what its minimum says about each of them.
+
+use crate::curve::FitError;
+use crate::least_squares::{Bounds, Evaluation, Minimum, minimise};
+use crate::profile::profile;
+use crate::statistics::{Information, NORMAL_95, Uncertainty, student_t};
+use deaflow_linalg::Mat;
+
+/// A standard error above this, relative to the parameter, needs the profile of the likelihood.
+const WIDE: f64 = 0.1;
+/// Searches agree if their sums of squares differ by less than this.
+const SAME_MINIMUM: f64 = 1e-6;
+
+/// Which parameters get a profile of the likelihood.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Profiles {
+    /// None.
+    Never,
+    /// Those that are not determined, or whose standard error is above a tenth.
+    #[default]
+    Wide,
+    /// All that are not at a bound.
+    All,
+}
+
+/// A fitted parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameter {
+    /// The name in scenes.
+    pub name: String,
+    /// The value; moduli in Pa, times in s.
+    pub value: f64,
+    /// Whether the standard error is that of the logarithm, as of all positive parameters.
+    pub logarithmic: bool,
+    /// The standard error; `None` if the data do not determine the parameter, or it is at a bound.
+    pub standard_error: Option<f64>,
+    /// The interval of 95 % from the standard error.
+    pub interval: Option<(f64, f64)>,
+    /// The interval of 95 % from the profile of the likelihood; infinite where it is open.
+    pub profile: Option<(f64, f64)>,
+    /// Whether the parameter is at a bound.
+    pub at_bound: bool,
+}
+
+/// How a parameter enters the search.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Scale {
+    /// By its logarithm: a positive parameter.
+    Logarithm,
+    /// As it is: an exponent, of which a change by 1 is a relative change of the stress.
+    Exponent,
+    /// As it is: a modulus of any sign.
+    Modulus,
+}
+
+/// A parameter as the search sees it.
+#[derive(Clone, Debug)]
+pub(crate) struct Coordinate {
+    pub name: String,
+    pub scale: Scale,
+    /// The bounds of the parameter.
+    pub limits: (f64, f64),
+}
+
+impl Coordinate {
+    pub fn coordinate(&self, value: f64) -> f64 {
+        match self.scale {
+            Scale::Logarithm => value.ln(),
+            Scale::Exponent | Scale::Modulus => value,
+        }
+    }
+
+    /// Returns the value at a coordinate, at a bound exactly that.
+    pub fn value(&self, coordinate: f64) -> f64 {
+        let limits = [self.limits.0, self.limits.1];
+        match (
+            self.scale,
+            limits.into_iter().find(|limit| self.coordinate(*limit) == coordinate),
+        ) {
+            (_, Some(limit)) => limit,
+            (Scale::Logarithm, None) => coordinate.exp(),
+            (Scale::Exponent | Scale::Modulus, None) => coordinate,
+        }
+    }
+
+    /// Returns the derivative of the value with respect to the coordinate.
+    fn slope(&self, value: f64) -> f64 {
+        match self.scale {
+            Scale::Logarithm => value,
+            Scale::Exponent | Scale::Modulus => 1.0,
+        }
+    }
+}
+
+/// A model with parameters.
+pub(crate) trait Model {
+    /// Returns the parameters.
+    fn coordinates(&self) -> &[Coordinate];
+
+    /// Returns the residual of each point with its derivatives with respect to the values of the parameters; `None` if
+    /// the model has no value at one of them.
+    fn residuals(&self, values: &[f64]) -> Option<Vec<(f64, Vec<f64>)>>;
+
+    /// Returns the sum of the squares of the data in units of the residuals.
+    fn data(&self) -> f64;
+
+    /// Returns whether the standard deviations of the data are stated.
+    fn stated(&self) -> bool;
+
+    /// Returns how many parameters precede the pairs whose order does not matter; they are sorted by their second
+    /// number. `None` if there are no pairs.
+    fn pairs_from(&self) -> Option<usize>;
+}
+
+/// Returns the residuals at coordinates.
+fn evaluate(model: &dyn Model, q: &[f64]) -> Option<Evaluation> {
+    let coordinates = model.coordinates();
+    let values = values(coordinates, q);
+    let rows = model.residuals(&values)?;
+    Some(Evaluation {
+        residual: rows.iter().map(|(residual, _)| *residual).collect(),
+        jacobian: Mat::from_fn(rows.len(), q.len(), |row, i| {
+            rows[row].1[i] * coordinates[i].slope(values[i])
+        }),
+    })
+}
+
+fn values(coordinates: &[Coordinate], q: &[f64]) -> Vec<f64> {
+    coordinates.iter().zip(q).map(|(c, q)| c.value(*q)).collect()
+}
+
+/// The best minimum of several searches.
+pub(crate) struct Solution<'a> {
+    model: &'a dyn Model,
+    bounds: Bounds,
+    best: Minimum,
+    /// How many searches were made, and how many found the minimum.
+    pub searches: (usize, usize),
+}
+
+impl<'a> Solution<'a> {
+    /// Searches from each start; `None` if the model has a value at none of them.
+    pub fn new(model: &'a dyn Model, starts: &[Vec<f64>]) -> Option<Self> {
+        let coordinates = model.coordinates();
+        let bounds = Bounds {
+            lower: coordinates.iter().map(|c| c.coordinate(c.limits.0)).collect(),
+            upper: coordinates.iter().map(|c| c.coordinate(c.limits.1)).collect(),
+        };
+        let residuals = |q: &[f64]| evaluate(model, q);
+        let search = |start: &Vec<f64>| {
+            let start: Vec<f64> = coordinates
+                .iter()
+                .zip(start)
+                .map(|(c, value)| c.coordinate(*value))
+                .collect();
+            minimise(&residuals, &start, &bounds)
+        };
+        let minima: Vec<Minimum> = starts.iter().filter_map(search).collect();
+        let mut best = minima
+            .iter()
+            .min_by(|a, b| a.sum_of_squares.total_cmp(&b.sum_of_squares))?
+            .clone();
+        let agrees = |m: &&Minimum| m.sum_of_squares <= best.sum_of_squares * (1.0 + SAME_MINIMUM);
+        let searches = (minima.len(), minima.iter().filter(agrees).count());
+        if let Some(first) = model.pairs_from() {
+            let (before, pairs) = best.point.split_at(first);
+            let mut pairs: Vec<&[f64]> = pairs.chunks_exact(2).collect();
+            pairs.sort_by(|a, b| a[1].total_cmp(&b[1]));
+            best.point = [before, &pairs.concat()].concat();
+            best.evaluation = residuals(&best.point)?;
+        }
+        Some(Self {
+            model,
+            bounds,
+            best,
+            searches,
+        })
+    }
+
+    /// Returns the values of the parameters.
+    pub fn values(&self) -> Vec<f64> {
+        values(self.model.coordinates(), &self.best.point)
+    }
+
+    pub fn sum_of_squares(&self) -> f64 {
+        self.best.sum_of_squares
+    }
+
+    pub fn iterations(&self) -> usize {
+        self.best.iterations
+    }
+
+    pub fn converged(&self) -> bool {
+        self.best.converged
+    }
+
+    /// Returns the number of points.
+    pub fn points(&self) -> usize {
+        self.best.evaluation.residual.len()
+    }
+
+    /// Returns points less parameters.
+    pub fn degrees_of_freedom(&self) -> usize {
+        self.points().saturating_sub(self.best.point.len())
+    }
+
+    pub fn information(&self) -> Information {
+        Information::new(
+            self.model.stated(),
+            self.sum_of_squares(),
+            self.points(),
+            self.best.point.len(),
+        )
+    }
+
+    /// Returns the standard deviation of the residuals: 1 where that of the data is stated.
+    pub fn spread(&self) -> f64 {
+        if self.model.stated() {
+            1.0
+        } else {
+            (self.sum_of_squares() / self.degrees_of_freedom() as f64).sqrt()
+        }
+    }
+
+    /// Returns the coordinates that are not at a bound.
+    fn free(&self) -> Vec<usize> {
+        let inside =
+            |&i: &usize| self.best.point[i] > self.bounds.lower[i] && self.best.point[i] < self.bounds.upper[i];
+        (0..self.best.point.len()).filter(inside).collect()
+    }
+
+    /// Returns the changes of the coordinates that are relative changes of the parameters. A modulus of any sign has no
+    /// logarithm: its unit changes the stresses by as much as they are.
+    fn units(&self) -> Vec<f64> {
+        let jacobian = &self.best.evaluation.jacobian;
+        let unit = |(i, coordinate): (usize, &Coordinate)| match coordinate.scale {
+            Scale::Logarithm | Scale::Exponent => 1.0,
+            Scale::Modulus => {
+                let column = (0..jacobian.nrows()).map(|row| jacobian[(row, i)].powi(2));
+                (self.model.data() / column.sum::<f64>()).sqrt()
+            }
+        };
+        self.model.coordinates().iter().enumerate().map(unit).collect()
+    }
+
+    /// Returns the standard errors and directions; without points to spare there are none.
+    pub fn uncertainty(&self) -> Uncertainty {
+        let (units, spread) = (self.units(), self.spread());
+        let name = |(c, unit): (&Coordinate, &f64)| match c.scale {
+            Scale::Logarithm => c.name.clone(),
+            Scale::Exponent => format!("exp({})", c.name),
+            Scale::Modulus => format!("exp({}/{unit:.3e} Pa)", c.name),
+        };
+        let names: Vec<String> = self.model.coordinates().iter().zip(&units).map(name).collect();
+        let known = spread.is_finite() && spread > 0.0;
+        let uncertainty = known.then(|| Uncertainty::new(&self.best.evaluation, spread, &names, &units, &self.free()));
+        uncertainty.flatten().unwrap_or_else(|| Uncertainty {
+            standard_errors: vec![None; units.len()],
+            covariance: Mat::zeros(units.len(), units.len()),
+            directions: Vec::new(),
+        })
+    }
+
+    /// Returns the parameters with their intervals.
+    pub fn parameters(&self, uncertainty: &Uncertainty, profiles: Profiles) -> Vec<Parameter> {
+        let quantile = if self.model.stated() {
+            NORMAL_95
+        } else {
+            student_t(0.95, self.degrees_of_freedom())
+        };
+        let (free, units) = (self.free(), self.units());
+        let parameter = |(i, coordinate): (usize, &Coordinate)| {
+            let at = self.best.point[i];
+            let standard_error = uncertainty.standard_errors[i];
+            let range = |(low, high): (f64, f64)| (coordinate.value(low), coordinate.value(high));
+            let wide = standard_error.is_none_or(|error| error > WIDE * units[i]);
+            let wanted = match profiles {
+                Profiles::Never => false,
+                Profiles::Wide => wide,
+                Profiles::All => true,
+            };
+            let is_free = free.contains(&i);
+            let step = quantile * standard_error.unwrap_or(WIDE * units[i]).min(units[i]);
+            let profile = (wanted && is_free).then(|| self.profile(i, (quantile * self.spread()).powi(2), step));
+            Parameter {
+                name: coordinate.name.clone(),
+                value: coordinate.value(at),
+                logarithmic: coordinate.scale == Scale::Logarithm,
+                standard_error,
+                interval: standard_error.map(|error| range((at - quantile * error, at + quantile * error))),
+                profile: profile.flatten().map(range),
+                at_bound: !is_free,
+            }
+        };
+        self.model.coordinates().iter().enumerate().map(parameter).collect()
+    }
+
+    /// Returns the range of a coordinate within an increase of the sum of squares; `None` if that is not known.
+    fn profile(&self, index: usize, increase: f64, first_step: f64) -> Option<(f64, f64)> {
+        let residuals = |q: &[f64]| evaluate(self.model, q);
+        let known = increase.is_finite() && increase > 0.0;
+        known.then(|| profile(&residuals, &self.bounds, &self.best, index, increase, first_step))
+    }
+}
+
+/// Returns the error of too few points.
+///
+/// # Errors
+/// When there are fewer points than parameters.
+pub(crate) fn check_points(points: usize, parameters: usize, law: &'static str) -> Result<(), FitError> {
+    if points < parameters {
+        return Err(FitError::TooFewPoints {
+            points,
+            parameters,
+            law,
+        });
+    }
+    Ok(())
+}
