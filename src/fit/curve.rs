@@ -35,12 +35,11 @@ pub struct Curve {
 #[derive(Clone, Debug, PartialEq, Error)]
 #[allow(missing_docs, reason = "the messages say what the fields are")]
 pub enum FitError {
-    #[error("curve `{curve}` has {stretches} stretches, but {other} {column}")]
+    #[error("curve `{curve}` has {} {}, but {} {}", first.0, first.1, second.0, second.1)]
     Lengths {
         curve: String,
-        stretches: usize,
-        other: usize,
-        column: &'static str,
+        first: (usize, &'static str),
+        second: (usize, &'static str),
     },
     #[error("curve `{curve}`, row {row}: the {column} is not a finite number")]
     NotFinite {
@@ -56,6 +55,8 @@ pub enum FitError {
     ZeroStress { curve: String, row: usize },
     #[error("curve `{curve}` has another kind of standard deviation than `{first}`: state both, or neither in one way")]
     MixedSigma { curve: String, first: String },
+    #[error("curve `{curve}`, row {row}: the time is not a number from 0 on")]
+    Time { curve: String, row: usize },
     #[error("all stretches are 1: the curves say nothing about a law")]
     NotStretched,
     #[error("{points} points cannot determine {parameters} parameters of the law `{law}`")]
@@ -154,17 +155,16 @@ fn noise_kind(sigma: &Sigma) -> usize {
 }
 
 fn check_lengths(curve: &Curve) -> Result<(), FitError> {
-    let stretches = curve.stretch.len();
-    let mut columns = vec![("stresses", curve.stress_pa.len())];
+    let first = (curve.stretch.len(), "stretches");
+    let mut columns = vec![(curve.stress_pa.len(), "stresses")];
     if let Sigma::Stated(sigma) = &curve.sigma {
-        columns.push(("standard deviations", sigma.len()));
+        columns.push((sigma.len(), "standard deviations"));
     }
-    match columns.into_iter().find(|(_, length)| *length != stretches) {
-        Some((column, other)) => Err(FitError::Lengths {
+    match columns.into_iter().find(|(length, _)| *length != first.0) {
+        Some(second) => Err(FitError::Lengths {
             curve: curve.name.clone(),
-            stretches,
-            other,
-            column,
+            first,
+            second,
         }),
         None => Ok(()),
     }

@@ -2,7 +2,8 @@
 //!
 //! A test stretches a specimen uniformly and records the nominal stress: force per undeformed area. [`fit()`] finds the
 //! parameters of a law that agree best with one or several [`Curve`]s, and states how well the data determine each of
-//! them. [`compare()`] ranks several laws. Laws and parameters are those of scenes; stresses are in Pa.
+//! them. [`compare()`] ranks several laws, and
+//! [`fit_relaxation()`] fits the branches of a viscoelastic elastomer. Laws and parameters are those of scenes; stresses are in Pa.
 
 mod compare;
 mod curve;
@@ -12,6 +13,7 @@ mod law;
 mod least_squares;
 mod non_negative;
 mod profile;
+mod relaxation;
 mod solution;
 mod stability;
 mod starts;
@@ -25,6 +27,7 @@ pub use law::{Law, LawKind, OgdenTerm};
 pub use least_squares::{Bounds, Evaluation, Minimum, minimise};
 pub use non_negative::non_negative;
 pub use profile::profile;
+pub use relaxation::{Relaxation, RelaxationFit, fit_relaxation};
 pub use solution::{Parameter, Profiles};
 pub use stability::{Stability, falling_ranges};
 pub use statistics::{Direction, Information, Uncertainty, student_t};

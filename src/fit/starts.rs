@@ -12,6 +12,8 @@ use deaflow_linalg::Mat;
 
 /// The searches of Ogden's law.
 const OGDEN_STARTS: usize = 12;
+/// A factor of zero is replaced by this part of the sum of all.
+const SMALL_FACTOR: f64 = 1e-4;
 /// The largest number of combinations of exponents that are tried.
 const COMBINATIONS: f64 = 4000.0;
 /// The exponents of Ogden's law from which combinations are made.
@@ -139,24 +141,56 @@ fn ogden(terms: usize, points: &Points, coordinates: &[Coordinate]) -> Vec<Vec<f
     let exponents = exponents_within(limits, terms);
     let columns: Vec<Vec<f64>> = exponents.iter().map(|alpha| column(*alpha, points)).collect();
     let data: Vec<f64> = points.counted().map(|row| row.stress / row.scale).collect();
+    let best = best_combinations(&[], &columns, terms, &data, OGDEN_STARTS);
+    let pairs = |(chosen, moduli): (Vec<usize>, Vec<f64>)| {
+        let exponents = chosen.iter().map(|&i| exponents[i]);
+        moduli
+            .iter()
+            .zip(exponents)
+            .flat_map(|(g, alpha)| [*g, alpha])
+            .collect()
+    };
+    best.into_iter().map(pairs).collect()
+}
+
+/// Returns the choices of columns that fit the data best together with those that are always used, and their factors,
+/// which are not negative: of the columns that are always used first. Factors of zero are replaced by small ones, which
+/// have logarithms.
+pub(crate) fn best_combinations(
+    always: &[Vec<f64>],
+    columns: &[Vec<f64>],
+    chosen: usize,
+    data: &[f64],
+    count: usize,
+) -> Vec<(Vec<usize>, Vec<f64>)> {
+    let all: Vec<&Vec<f64>> = always.iter().chain(columns).collect();
     let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
-    let gram = Mat::from_fn(columns.len(), columns.len(), |i, j| dot(&columns[i], &columns[j]));
-    let right: Vec<f64> = columns.iter().map(|column| dot(column, &data)).collect();
-    let mut found: Vec<(f64, Vec<f64>)> = combinations(exponents.len(), terms)
-        .into_iter()
-        .map(|chosen| {
-            let system = Mat::from_fn(chosen.len(), chosen.len(), |a, b| gram[(chosen[a], chosen[b])]);
-            let reduced: Vec<f64> = chosen.iter().map(|&i| right[i]).collect();
-            let moduli = non_negative(&system, &reduced);
-            // At the minimum over x ≥ 0, xᵀAx = bᵀx.
-            let gain = dot(&moduli, &reduced);
-            let total: f64 = moduli.iter().sum();
-            let pair = |(modulus, &i): (&f64, &usize)| [modulus.max(1e-4 * total), exponents[i]];
-            (gain, moduli.iter().zip(&chosen).flat_map(pair).collect())
-        })
-        .collect();
+    let gram = Mat::from_fn(all.len(), all.len(), |i, j| dot(all[i], all[j]));
+    let right: Vec<f64> = all.iter().map(|column| dot(column, data)).collect();
+    let fitted = |chosen: Vec<usize>| {
+        let used: Vec<usize> = (0..always.len())
+            .chain(chosen.iter().map(|i| always.len() + i))
+            .collect();
+        let system = Mat::from_fn(used.len(), used.len(), |a, b| gram[(used[a], used[b])]);
+        let reduced: Vec<f64> = used.iter().map(|&i| right[i]).collect();
+        let factors = non_negative(&system, &reduced);
+        // At the minimum of |Ax − b|² over x ≥ 0 the sum of squares is |b|² − xᵀAᵀb.
+        let gain = dot(&factors, &reduced);
+        let least = SMALL_FACTOR * factors.iter().sum::<f64>();
+        (
+            gain,
+            chosen,
+            factors.into_iter().map(|factor| factor.max(least)).collect(),
+        )
+    };
+    let mut found: Vec<(f64, Vec<usize>, Vec<f64>)> =
+        combinations(columns.len(), chosen).into_iter().map(fitted).collect();
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    found.into_iter().map(|(_, start)| start).take(OGDEN_STARTS).collect()
+    found
+        .into_iter()
+        .map(|(_, chosen, factors)| (chosen, factors))
+        .take(count)
+        .collect()
 }
 
 /// Returns the stresses of one term with the modulus 1, divided by the scales.
@@ -191,10 +225,11 @@ fn exponents_within((low, high): (f64, f64), terms: usize) -> Vec<f64> {
 /// Returns all ascending choices of `chosen` of `count` indices.
 fn combinations(count: usize, chosen: usize) -> Vec<Vec<usize>> {
     let mut all = vec![Vec::new()];
-    for _ in 0..chosen {
+    for following in (0..chosen).rev() {
         let longer = |begun: Vec<usize>| {
             let next = begun.last().map_or(0, |last| last + 1);
-            (next..count).map(move |index| [begun.as_slice(), &[index]].concat())
+            let end = count.saturating_sub(following);
+            (next..end).map(move |index| [begun.as_slice(), &[index]].concat())
         };
         all = all.into_iter().flat_map(longer).collect();
     }

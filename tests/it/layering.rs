@@ -26,6 +26,7 @@ fn allowed() -> BTreeMap<String, BTreeSet<String>> {
         "field",
         "sample",
         "fem",
+        "fit",
         "dataset",
         "surrogate",
         "design",

@@ -1,6 +1,9 @@
 //! Curves that do not determine a law, and curves that cannot be fitted.
 
-use deaflow_fit::{Curve, Fit, FitError, Law, LawKind, OgdenTerm, Options, Sigma, Test, Verdict, compare, fit};
+use deaflow_fit::{
+    Curve, Fit, FitError, Law, LawKind, OgdenTerm, Options, Relaxation, Sigma, Test, Verdict, compare, fit,
+    fit_relaxation,
+};
 
 const NEO_HOOKEAN: Law = Law::NeoHookean { shear_modulus: 20e3 };
 
@@ -265,4 +268,72 @@ fn settings_that_are_not_valid_are_refused() {
     ];
     let mixed = fit(&mixed, LawKind::NeoHookean, &Options::default());
     assert!(matches!(mixed, Err(FitError::MixedSigma { .. })));
+}
+
+/// Up to a stretch of 1.01 no limit below some ten thousand shows, whatever the fit says.
+#[test]
+fn small_stretches_do_not_determine_a_limit() {
+    let stretch: Vec<f64> = (1..=10).map(|i| 1.0 + 1e-3 * f64::from(i)).collect();
+    let mut curve = uniaxial(&stretch);
+    for (i, stress) in curve.stress_pa.iter_mut().enumerate() {
+        *stress *= 1.0 + 1e-3 * (i as f64 - 4.0);
+    }
+    let fit = fitted(curve, LawKind::Gent).unwrap();
+    let jm = &fit.parameters[1];
+    assert!(jm.profile.unwrap().1.is_infinite(), "{jm:?}");
+    assert_eq!(
+        fit.verdict.to_string(),
+        "the data do not determine jm",
+        "{:?}",
+        fit.directions
+    );
+}
+
+fn relaxation() -> Relaxation {
+    let time_s: Vec<f64> = (0..8).map(f64::from).collect();
+    Relaxation {
+        name: "step.csv".to_owned(),
+        test: Test::PureShear,
+        stretch: 2.0,
+        stress_pa: time_s.iter().map(|t| 1e3 * (1.0 + (-t / 2.0).exp())).collect(),
+        time_s,
+        sigma: Sigma::UnstatedRelative,
+    }
+}
+
+#[test]
+fn relaxation_in_pure_shear_is_found_again() {
+    let fits = fit_relaxation(&[relaxation()], 1, &Options::default()).unwrap();
+    assert_eq!(fits[0].branches(), 1);
+    for (parameter, value) in fits[0].parameters.iter().zip([1e3 / 1.875, 1e3 / 1.875, 2.0]) {
+        assert!((parameter.value / value - 1.0).abs() < 1e-9, "{parameter:?}");
+    }
+    assert_eq!(
+        fit_relaxation(&[relaxation()], 9, &Options::default()).unwrap().len(),
+        4
+    );
+}
+
+#[test]
+fn relaxation_that_is_not_valid_is_refused() {
+    let changed = |change: fn(&mut Relaxation)| {
+        let mut curve = relaxation();
+        change(&mut curve);
+        fit_relaxation(&[curve], 1, &Options::default())
+            .unwrap_err()
+            .to_string()
+    };
+    let messages = [
+        changed(|curve| curve.time_s[2] = -1.0),
+        changed(|curve| curve.time_s.truncate(3)),
+        changed(|curve| curve.stretch = 1.0),
+        changed(|curve| curve.stress_pa[0] = f64::NAN),
+    ];
+    let expected = [
+        "curve `step.csv`, row 3: the time is not a number from 0 on",
+        "curve `step.csv` has 8 stresses, but 3 times",
+        "all stretches are 1: the curves say nothing about a law",
+        "curve `step.csv`, row 1: the stress is not a finite number",
+    ];
+    assert_eq!(messages, expected);
 }

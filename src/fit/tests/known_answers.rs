@@ -1,6 +1,9 @@
 //! Fits against the answers of an independent program (closed forms and scipy's trust-region method, in Python).
 
-use deaflow_fit::{Candidate, Curve, Fit, Law, LawKind, Options, Profiles, Sigma, Test, Verdict, compare, fit};
+use deaflow_fit::{
+    Candidate, Curve, Fit, Law, LawKind, Options, Profiles, Relaxation, Sigma, Test, Verdict, compare, fit,
+    fit_relaxation,
+};
 
 /// The data of Treloar (Trans. Faraday Soc. 40 (1944) 59), digitised by C. Zhao: github
 /// Chongran-Zhao/Calibration-Hyperelasticity, data/Treloar_1944/{UT,ET,PS}.txt at commit 27d9953; in Pa.
@@ -226,4 +229,46 @@ fn small_stretches_leave_the_interval_of_a_gent_law_open() {
     assert_near(limit.0, 85.143052, 1e-8);
     assert_eq!(limit.1, f64::INFINITY);
     assert_eq!(fit.verdict.to_string(), "the data bound jm on one side at most");
+}
+
+/// Uniaxial steps to 2 and 3; μ = 15 kPa with branches of 30 kPa and 0.8 s, and of 20 kPa and 12 s.
+#[test]
+fn relaxation_has_two_branches() {
+    let time_s: Vec<f64> = (0..25).map(|i| 0.05 * 2000_f64.powf(f64::from(i) / 24.0)).collect();
+    let mut index = 0;
+    let curves = [2.0, 3.0].map(|stretch: f64| {
+        let relaxed = |t: &f64| {
+            let modulus = 15e3 + 30e3 * (-t / 0.8).exp() + 20e3 * (-t / 12.0).exp();
+            modulus * (stretch - stretch.powi(-2))
+        };
+        let truth: Vec<f64> = time_s.iter().map(relaxed).collect();
+        let measured = truth.iter().map(|stress| {
+            index += 1;
+            stress * (1.0 + 0.01 * deviate(index))
+        });
+        Relaxation {
+            name: format!("step to {stretch}"),
+            test: Test::Uniaxial,
+            stretch,
+            time_s: time_s.clone(),
+            stress_pa: measured.collect(),
+            sigma: Sigma::Stated(truth.iter().map(|stress| 0.01 * stress).collect()),
+        }
+    });
+    let fits = fit_relaxation(&curves, 3, &Options::default()).unwrap();
+    let order: Vec<usize> = fits.iter().map(|fit| fit.branches()).collect();
+    assert_eq!(order, [2, 3, 1, 0]);
+    // With three branches the independent program ended in a local minimum, 67.010828 at times of 0.80, 3.86 and 12.9 s.
+    for (fit, aicc) in fits.iter().zip([62.957528, 66.264486, 5601.410]) {
+        let found = fit.information.aicc;
+        assert!((found - aicc).abs() < 1e-7 * aicc.max(10.0), "{found}, not {aicc}");
+    }
+    let values = [14.937645e3, 30.494843e3, 0.82823964, 19.46648e3, 12.371668];
+    let errors = [0.0042330, 0.0099296, 0.0239331, 0.0128814, 0.0213614];
+    for (parameter, (value, error)) in fits[0].parameters.iter().zip(values.into_iter().zip(errors)) {
+        assert_near(parameter.value, value, 5e-8);
+        assert_near(parameter.standard_error.unwrap(), error, 1.3e-5);
+    }
+    assert_near(fits[0].sum_of_squares, 51.593892, 1e-8);
+    assert_eq!(fits[0].residuals[1].residuals.len(), 25);
 }

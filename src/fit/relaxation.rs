@@ -1,0 +1,285 @@
+//! Relaxation after steps: a neo-Hookean elastomer with linear viscous branches.
+//!
+//! After a sudden step to a stretch that is held,
+//!
+//! ```text
+//! P(t) = (μ + Σ Gᵢ e^(−t/τᵢ))(λ₁ − λ₃²/λ₁)
+//! ```
+//!
+//! which is linear in the moduli: times on a grid give the starts, by least squares with moduli that are not negative.
+
+use crate::curve::{Curve, FitError, Points, Sigma};
+use crate::deformation::Test;
+use crate::fit::{CurveResiduals, Options, Verdict};
+use crate::solution::{Coordinate, Model, Parameter, Solution, check_points};
+use crate::starts::{best_combinations, coordinates, neo_hookean_modulus};
+use crate::statistics::{Direction, Information};
+use deaflow_linalg::Mat;
+
+/// The times of the spectrum, from half of the first to twice the last time of the data.
+const SPECTRUM: usize = 31;
+/// The times of the grid from which combinations are made.
+const COARSE: usize = 12;
+/// The best combinations from which searches start.
+const STARTS: usize = 12;
+/// The name of the model in errors.
+const NAME: &str = "viscoelastic";
+
+/// The stress after a step to a stretch that is held.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Relaxation {
+    /// The name of the curve.
+    pub name: String,
+    /// How the specimen was stretched.
+    pub test: Test,
+    /// The stretch after the step.
+    pub stretch: f64,
+    /// The times since the step in s.
+    pub time_s: Vec<f64>,
+    /// The nominal stresses in Pa.
+    pub stress_pa: Vec<f64>,
+    /// The noise.
+    pub sigma: Sigma,
+}
+
+/// A fitted viscoelastic elastomer.
+#[derive(Clone, Debug)]
+pub struct RelaxationFit {
+    /// `shear_modulus` at equilibrium, then `g_1`, `tau_1`, `g_2`, … with rising times.
+    pub parameters: Vec<Parameter>,
+    /// The covariance of the logarithms of the parameters.
+    pub covariance: Mat<f64>,
+    /// Whether the standard deviations of the data are stated: then the sum of squares is χ².
+    pub stated: bool,
+    /// χ², or the sum of the squares of the residuals.
+    pub sum_of_squares: f64,
+    /// Points less parameters.
+    pub degrees_of_freedom: usize,
+    /// The information criteria.
+    pub information: Information,
+    /// The residuals.
+    pub residuals: Vec<CurveResiduals>,
+    /// The steps of the search.
+    pub iterations: usize,
+    /// Combinations of parameters, the least determined first.
+    pub directions: Vec<Direction>,
+    /// What the data determine.
+    pub verdict: Verdict,
+}
+
+impl RelaxationFit {
+    /// Returns the number of branches.
+    #[must_use]
+    pub fn branches(&self) -> usize {
+        self.parameters.len() / 2
+    }
+}
+
+/// Fits the model with up to `most_branches` branches, and returns the fits in the order of Akaike's criterion, the
+/// best first.
+///
+/// # Errors
+/// When a curve is not valid, the bounds are not, or there are too few points even without branches.
+pub fn fit_relaxation(
+    curves: &[Relaxation],
+    most_branches: usize,
+    options: &Options,
+) -> Result<Vec<RelaxationFit>, FitError> {
+    let (points, times) = points(curves)?;
+    let mut fits = Vec::new();
+    for branches in 0..=most_branches {
+        match fit_branches(&points, &times, curves, branches, options) {
+            Err(FitError::TooFewPoints { .. }) if branches > 0 => break,
+            fit => fits.push(fit?),
+        }
+    }
+    fits.sort_by(|a, b| a.information.aicc.total_cmp(&b.information.aicc));
+    Ok(fits)
+}
+
+/// Returns the points, and their times in the order of the points.
+fn points(curves: &[Relaxation]) -> Result<(Points, Vec<f64>), FitError> {
+    let mut times = Vec::new();
+    let mut held = Vec::new();
+    for curve in curves {
+        let (first, second) = ((curve.stress_pa.len(), "stresses"), (curve.time_s.len(), "times"));
+        if first.0 != second.0 {
+            let curve = curve.name.clone();
+            return Err(FitError::Lengths { curve, first, second });
+        }
+        if let Some(row) = curve.time_s.iter().position(|t| !(t.is_finite() && *t >= 0.0)) {
+            let (curve, row) = (curve.name.clone(), row + 1);
+            return Err(FitError::Time { curve, row });
+        }
+        if curve.stretch != 1.0 {
+            times.extend(&curve.time_s);
+        }
+        held.push(Curve {
+            name: curve.name.clone(),
+            test: curve.test,
+            stretch: vec![curve.stretch; curve.time_s.len()],
+            stress_pa: curve.stress_pa.clone(),
+            sigma: curve.sigma.clone(),
+        });
+    }
+    Ok((Points::new(&held)?, times))
+}
+
+fn fit_branches(
+    points: &Points,
+    times: &[f64],
+    curves: &[Relaxation],
+    branches: usize,
+    options: &Options,
+) -> Result<RelaxationFit, FitError> {
+    check_points(times.len(), 1 + 2 * branches, NAME)?;
+    let model = Branches::new(points, times, branches, options)?;
+    let no_start = FitError::NoStart { law: NAME };
+    let solution = Solution::new(&model, &model.starts(branches)).ok_or(no_start)?;
+    let uncertainty = solution.uncertainty();
+    let parameters = solution.parameters(&uncertainty, options.profiles);
+    let mut residuals = model.residuals(&solution.values()).unwrap_or_default().into_iter();
+    let mut of_curve = |curve: &Relaxation| CurveResiduals {
+        name: curve.name.clone(),
+        residuals: if curve.stretch == 1.0 {
+            vec![0.0; curve.time_s.len()]
+        } else {
+            residuals
+                .by_ref()
+                .take(curve.time_s.len())
+                .map(|(residual, _)| residual)
+                .collect()
+        },
+    };
+    Ok(RelaxationFit {
+        residuals: curves.iter().map(&mut of_curve).collect(),
+        verdict: Verdict::of(solution.converged(), &uncertainty.directions, &parameters),
+        stated: points.stated,
+        sum_of_squares: solution.sum_of_squares(),
+        degrees_of_freedom: solution.degrees_of_freedom(),
+        information: solution.information(),
+        iterations: solution.iterations(),
+        covariance: uncertainty.covariance,
+        directions: uncertainty.directions,
+        parameters,
+    })
+}
+
+/// The model and its points.
+struct Branches<'a> {
+    times: &'a [f64],
+    /// (λ₁ − λ₃²/λ₁)/σ and the stress/σ of each point.
+    rows: Vec<(f64, f64)>,
+    stated: bool,
+    coordinates: Vec<Coordinate>,
+}
+
+impl<'a> Branches<'a> {
+    fn new(points: &Points, times: &'a [f64], branches: usize, options: &Options) -> Result<Self, FitError> {
+        let modulus = neo_hookean_modulus(points)?;
+        let numbered = (1..=branches).flat_map(|i| [format!("g_{i}"), format!("tau_{i}")]);
+        let names = std::iter::once("shear_modulus".to_owned()).chain(numbered).collect();
+        let rows = points.counted().map(|row| {
+            let [_, _, third] = row.test.squared_stretches(row.stretch);
+            ((row.stretch - third / row.stretch) / row.scale, row.stress / row.scale)
+        });
+        Ok(Self {
+            times,
+            rows: rows.collect(),
+            stated: points.stated,
+            coordinates: coordinates(NAME, names, modulus, options)?,
+        })
+    }
+
+    /// Returns starts: the peaks of a spectrum, and the best choices of times on a grid.
+    fn starts(&self, branches: usize) -> Vec<Vec<f64>> {
+        let positive = || self.times.iter().copied().filter(|t| *t > 0.0);
+        let last = positive().fold(1.0, f64::max);
+        let (from, to) = (0.5 * positive().fold(last, f64::min), 2.0 * last);
+        let grid = |count: usize| -> Vec<f64> {
+            let part = |i: usize| i as f64 / (count - 1) as f64;
+            (0..count).map(|i| from * (to / from).powf(part(i))).collect()
+        };
+        let (fine, coarse) = (grid(SPECTRUM), grid(COARSE));
+        let mut starts = Vec::new();
+        if let Some((_, spectrum)) = self.best(&fine, fine.len(), 1).into_iter().next() {
+            let peaks = peaks(&fine, &spectrum[1..]);
+            if peaks.len() == branches {
+                starts.push(parameters(spectrum[0], &peaks));
+            }
+        }
+        for (chosen, moduli) in self.best(&coarse, branches, STARTS) {
+            let times = chosen.iter().map(|&i| coarse[i]);
+            let pairs: Vec<(f64, f64)> = moduli[1..].iter().copied().zip(times).collect();
+            starts.push(parameters(moduli[0], &pairs));
+        }
+        starts
+    }
+
+    /// Returns the best choices of times, and their moduli after that of equilibrium.
+    fn best(&self, times: &[f64], chosen: usize, count: usize) -> Vec<(Vec<usize>, Vec<f64>)> {
+        let decays = |time: &f64| -> Vec<f64> {
+            let rows = self.rows.iter().zip(self.times);
+            rows.map(|((factor, _), t)| factor * (-t / time).exp()).collect()
+        };
+        let columns: Vec<Vec<f64>> = times.iter().map(decays).collect();
+        let data: Vec<f64> = self.rows.iter().map(|(_, stress)| *stress).collect();
+        best_combinations(&[decays(&f64::INFINITY)], &columns, chosen, &data, count)
+    }
+}
+
+/// Returns the parameters of an equilibrium and of pairs of a modulus and a time.
+fn parameters(modulus: f64, pairs: &[(f64, f64)]) -> Vec<f64> {
+    let branches = pairs.iter().flat_map(|(g, time)| [*g, *time]);
+    std::iter::once(modulus).chain(branches).collect()
+}
+
+/// Merges neighbours of a spectrum that are not small; returns the modulus and the mean time of each peak.
+fn peaks(grid: &[f64], moduli: &[f64]) -> Vec<(f64, f64)> {
+    let least = 1e-3 * moduli.iter().sum::<f64>();
+    let mut peaks = Vec::new();
+    let (mut sum, mut moment) = (0.0, 0.0);
+    for (time, modulus) in grid.iter().zip(moduli).chain(std::iter::once((&1.0, &0.0))) {
+        if *modulus > least {
+            sum += modulus;
+            moment += modulus * time.ln();
+        } else if sum > 0.0 {
+            peaks.push((sum, f64::exp(moment / sum)));
+            (sum, moment) = (0.0, 0.0);
+        }
+    }
+    peaks
+}
+
+impl Model for Branches<'_> {
+    fn coordinates(&self) -> &[Coordinate] {
+        &self.coordinates
+    }
+
+    fn residuals(&self, values: &[f64]) -> Option<Vec<(f64, Vec<f64>)>> {
+        let (modulus, branches) = values.split_first()?;
+        let row = |((factor, stress), t): (&(f64, f64), &f64)| {
+            let mut total = *modulus;
+            let mut gradient = vec![*factor];
+            for branch in branches.chunks_exact(2) {
+                let decay = (-t / branch[1]).exp();
+                total += branch[0] * decay;
+                gradient.extend([factor * decay, factor * branch[0] * decay * t / (branch[1] * branch[1])]);
+            }
+            (factor * total - stress, gradient)
+        };
+        Some(self.rows.iter().zip(self.times).map(row).collect())
+    }
+
+    fn data(&self) -> f64 {
+        self.rows.iter().map(|(_, stress)| stress * stress).sum()
+    }
+
+    fn stated(&self) -> bool {
+        self.stated
+    }
+
+    fn pairs_from(&self) -> Option<usize> {
+        Some(1)
+    }
+}
