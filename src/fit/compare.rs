@@ -22,7 +22,9 @@ impl Candidate {
     /// Returns Akaike's criterion; infinite where the law could not be fitted.
     #[must_use]
     pub fn aicc(&self) -> f64 {
-        self.fit.as_ref().map_or(f64::INFINITY, |fit| fit.information.aicc)
+        self.fit
+            .as_ref()
+            .map_or(f64::INFINITY, |fit| fit.estimate.information.aicc)
     }
 }
 

@@ -3,11 +3,9 @@
 use crate::curve::{Curve, FitError, Points, Row};
 use crate::deformation::Test;
 use crate::law::{Law, LawKind};
-use crate::solution::{Coordinate, Model, Parameter, Profiles, Solution, check_points};
+use crate::solution::{Coordinate, Estimate, Model, Parameter, Profiles, Solution, check_points};
 use crate::stability::Stability;
 use crate::starts::{coordinates, neo_hookean_modulus, starts};
-use crate::statistics::{Direction, Information};
-use deaflow_linalg::Mat;
 use std::fmt;
 
 /// Residuals beyond this many standard deviations are outliers: one of 16,000 normal deviates.
@@ -84,29 +82,11 @@ pub struct Fit {
     /// The law with its values.
     pub law: Law,
     /// The parameters in the order of [`LawKind::parameters`]; Ogden's terms with rising exponents.
-    pub parameters: Vec<Parameter>,
-    /// The covariance of the parameters, of the logarithms where they are logarithmic.
-    pub covariance: Mat<f64>,
-    /// Whether the standard deviations of the data are stated: then the sum of squares is χ².
-    pub stated: bool,
-    /// χ², or the sum of the squares of the residuals.
-    pub sum_of_squares: f64,
-    /// The number of points, without those at stretch 1.
-    pub points: usize,
-    /// Points less parameters.
-    pub degrees_of_freedom: usize,
-    /// The information criteria.
-    pub information: Information,
+    pub estimate: Estimate,
     /// The residuals.
     pub residuals: Vec<CurveResiduals>,
     /// Points far from the law.
     pub outliers: Vec<Outlier>,
-    /// The steps of the search that found the minimum.
-    pub iterations: usize,
-    /// How many searches were made, and how many found the minimum.
-    pub searches: (usize, usize),
-    /// Combinations of parameters, the least determined first.
-    pub directions: Vec<Direction>,
     /// The stability of the law.
     pub stability: Stability,
     /// The result in one word.
@@ -122,27 +102,17 @@ pub fn fit(curves: &[Curve], kind: LawKind, options: &Options) -> Result<Fit, Fi
     let model = LawModel::new(&points, kind, options)?;
     let solution = model.solve()?;
     let law = model.law(&solution)?;
-    let uncertainty = solution.uncertainty();
-    let parameters = solution.parameters(&uncertainty, options.profiles);
+    let estimate = solution.estimate(options.profiles);
     let stability = stability(&law, &points, options);
     let (residuals, outliers) = residuals_of_curves(&law, &points, curves, solution.spread());
     let verdict = match (stability.unstable_at, reduced(&law, &points)) {
         (Some((first, second)), _) => Verdict::Unstable(first, second),
         (None, Some(kind)) => Verdict::ReducesTo(kind),
-        (None, None) => Verdict::of(solution.converged(), &uncertainty.directions, &parameters),
+        (None, None) => Verdict::of(&estimate),
     };
     Ok(Fit {
-        stated: points.stated,
-        sum_of_squares: solution.sum_of_squares(),
-        points: solution.points(),
-        degrees_of_freedom: solution.degrees_of_freedom(),
-        information: solution.information(),
-        iterations: solution.iterations(),
-        searches: solution.searches,
-        covariance: uncertainty.covariance,
-        directions: uncertainty.directions,
         law,
-        parameters,
+        estimate,
         residuals,
         outliers,
         stability,
@@ -152,15 +122,21 @@ pub fn fit(curves: &[Curve], kind: LawKind, options: &Options) -> Result<Fit, Fi
 
 impl Verdict {
     /// Returns the verdict on parameters of a stable model.
-    pub(crate) fn of(converged: bool, directions: &[Direction], parameters: &[Parameter]) -> Self {
-        let undetermined = directions.iter().filter(|direction| !direction.determined);
+    pub(crate) fn of(estimate: &Estimate) -> Self {
+        let undetermined = estimate.directions.iter().filter(|direction| !direction.determined);
         let undetermined: Vec<String> = undetermined.map(|direction| direction.name.clone()).collect();
         let is_open = |p: &&Parameter| {
+            let least = if p.logarithmic { 0.0 } else { f64::NEG_INFINITY };
             p.profile
-                .is_some_and(|(low, high)| low <= 0.0 && p.logarithmic || high.is_infinite())
+                .is_some_and(|(low, high)| low <= least || high == f64::INFINITY)
         };
-        let open: Vec<String> = parameters.iter().filter(is_open).map(|p| p.name.clone()).collect();
-        match (converged, undetermined.is_empty(), open.is_empty()) {
+        let open: Vec<String> = estimate
+            .parameters
+            .iter()
+            .filter(is_open)
+            .map(|p| p.name.clone())
+            .collect();
+        match (estimate.converged, undetermined.is_empty(), open.is_empty()) {
             (false, ..) => Self::NotConverged,
             (true, false, _) => Self::NotDetermined(undetermined),
             (true, true, false) => Self::Open(open),

@@ -243,39 +243,29 @@ impl Law {
     /// Returns the derivatives of the energy at I₁; `None` beyond the limit of extensibility, and for Ogden's law.
     fn invariants(&self, i1: f64) -> Option<Invariants> {
         let j = i1 - 3.0;
-        Some(match *self {
-            Self::NeoHookean { shear_modulus } => Invariants {
-                first: 0.5 * shear_modulus,
-                curvature: 0.0,
-                second: 0.0,
-                by_parameter: vec![[0.5, 0.0]],
-            },
-            Self::Gent { shear_modulus, jm } => {
-                let m = 1.0 / (1.0 - j / jm);
+        let ([first, curvature, second], by_parameter) = match *self {
+            Self::NeoHookean { shear_modulus: mu } => ([0.5 * mu, 0.0, 0.0], vec![[0.5, 0.0]]),
+            Self::Gent { shear_modulus: mu, jm } => {
                 if j >= jm {
                     return None;
                 }
-                Invariants {
-                    first: 0.5 * shear_modulus * m,
-                    curvature: 0.5 * shear_modulus * m * m / jm,
-                    second: 0.0,
-                    by_parameter: vec![[0.5 * m, 0.0], [-0.5 * shear_modulus * m * m * j / (jm * jm), 0.0]],
-                }
+                let m = 1.0 / (1.0 - j / jm);
+                let by_jm = -0.5 * mu * m * m * j / (jm * jm);
+                let energy = [0.5 * mu * m, 0.5 * mu * m * m / jm, 0.0];
+                (energy, vec![[0.5 * m, 0.0], [by_jm, 0.0]])
             }
-            Self::Yeoh { shear_modulus, c2, c3 } => Invariants {
-                first: 0.5 * shear_modulus + 2.0 * c2 * j + 3.0 * c3 * j * j,
-                curvature: 2.0 * c2 + 6.0 * c3 * j,
-                second: 0.0,
-                by_parameter: vec![[0.5, 0.0], [2.0 * j, 0.0], [3.0 * j * j, 0.0]],
-            },
-            Self::MooneyRivlin { shear_modulus, c2 } => Invariants {
-                first: 0.5 * shear_modulus - c2,
-                curvature: 0.0,
-                second: c2,
-                by_parameter: vec![[0.5, 0.0], [-1.0, 1.0]],
-            },
+            Self::Yeoh {
+                shear_modulus: mu,
+                c2,
+                c3,
+            } => {
+                let first = 0.5 * mu + 2.0 * c2 * j + 3.0 * c3 * j * j;
+                let by_parameter = vec![[0.5, 0.0], [2.0 * j, 0.0], [3.0 * j * j, 0.0]];
+                ([first, 2.0 * c2 + 6.0 * c3 * j, 0.0], by_parameter)
+            }
+            Self::MooneyRivlin { shear_modulus: mu, c2 } => ([0.5 * mu - c2, 0.0, c2], vec![[0.5, 0.0], [-1.0, 1.0]]),
             Self::ArrudaBoyce {
-                shear_modulus,
+                shear_modulus: mu,
                 locking_stretch,
             } => {
                 let scale = 3.0 * locking_stretch * locking_stretch;
@@ -285,14 +275,17 @@ impl Law {
                 }
                 let m = 1.0 / 3.0 - y / 15.0 - 2.0 * y * y / 15.0 + 2.0 / (3.0 * (1.0 - y));
                 let slope = -1.0 / 15.0 - 4.0 * y / 15.0 + 2.0 / (3.0 * (1.0 - y) * (1.0 - y));
-                Invariants {
-                    first: 0.5 * shear_modulus * m,
-                    curvature: 0.5 * shear_modulus * slope / scale,
-                    second: 0.0,
-                    by_parameter: vec![[0.5 * m, 0.0], [-shear_modulus * slope * y / locking_stretch, 0.0]],
-                }
+                let by_locking = -mu * slope * y / locking_stretch;
+                let energy = [0.5 * mu * m, 0.5 * mu * slope / scale, 0.0];
+                (energy, vec![[0.5 * m, 0.0], [by_locking, 0.0]])
             }
             Self::Ogden(_) => return None,
+        };
+        Some(Invariants {
+            first,
+            curvature,
+            second,
+            by_parameter,
         })
     }
 }

@@ -11,15 +11,11 @@
 use crate::curve::{Curve, FitError, Points, Sigma};
 use crate::deformation::Test;
 use crate::fit::{CurveResiduals, Options, Verdict};
-use crate::solution::{Coordinate, Model, Parameter, Solution, check_points};
+use crate::solution::{Coordinate, Estimate, Model, Solution, check_points};
 use crate::starts::{best_combinations, coordinates, neo_hookean_modulus};
-use crate::statistics::{Direction, Information};
-use deaflow_linalg::Mat;
 
-/// The times of the spectrum, from half of the first to twice the last time of the data.
-const SPECTRUM: usize = 31;
-/// The times of the grid from which combinations are made.
-const COARSE: usize = 12;
+/// The times from which combinations are made.
+const GRID: usize = 12;
 /// The best combinations from which searches start.
 const STARTS: usize = 12;
 /// The name of the model in errors.
@@ -45,24 +41,10 @@ pub struct Relaxation {
 /// A fitted viscoelastic elastomer.
 #[derive(Clone, Debug)]
 pub struct RelaxationFit {
-    /// `shear_modulus` at equilibrium, then `g_1`, `tau_1`, `g_2`, … with rising times.
-    pub parameters: Vec<Parameter>,
-    /// The covariance of the logarithms of the parameters.
-    pub covariance: Mat<f64>,
-    /// Whether the standard deviations of the data are stated: then the sum of squares is χ².
-    pub stated: bool,
-    /// χ², or the sum of the squares of the residuals.
-    pub sum_of_squares: f64,
-    /// Points less parameters.
-    pub degrees_of_freedom: usize,
-    /// The information criteria.
-    pub information: Information,
+    /// The parameters: `shear_modulus` at equilibrium, then `g_1`, `tau_1`, `g_2`, … with rising times.
+    pub estimate: Estimate,
     /// The residuals.
     pub residuals: Vec<CurveResiduals>,
-    /// The steps of the search.
-    pub iterations: usize,
-    /// Combinations of parameters, the least determined first.
-    pub directions: Vec<Direction>,
     /// What the data determine.
     pub verdict: Verdict,
 }
@@ -71,7 +53,7 @@ impl RelaxationFit {
     /// Returns the number of branches.
     #[must_use]
     pub fn branches(&self) -> usize {
-        self.parameters.len() / 2
+        self.estimate.parameters.len() / 2
     }
 }
 
@@ -93,7 +75,7 @@ pub fn fit_relaxation(
             fit => fits.push(fit?),
         }
     }
-    fits.sort_by(|a, b| a.information.aicc.total_cmp(&b.information.aicc));
+    fits.sort_by(|a, b| a.estimate.information.aicc.total_cmp(&b.estimate.information.aicc));
     Ok(fits)
 }
 
@@ -136,8 +118,7 @@ fn fit_branches(
     let model = Branches::new(points, times, branches, options)?;
     let no_start = FitError::NoStart { law: NAME };
     let solution = Solution::new(&model, &model.starts(branches)).ok_or(no_start)?;
-    let uncertainty = solution.uncertainty();
-    let parameters = solution.parameters(&uncertainty, options.profiles);
+    let estimate = solution.estimate(options.profiles);
     let mut residuals = model.residuals(&solution.values()).unwrap_or_default().into_iter();
     let mut of_curve = |curve: &Relaxation| CurveResiduals {
         name: curve.name.clone(),
@@ -153,15 +134,8 @@ fn fit_branches(
     };
     Ok(RelaxationFit {
         residuals: curves.iter().map(&mut of_curve).collect(),
-        verdict: Verdict::of(solution.converged(), &uncertainty.directions, &parameters),
-        stated: points.stated,
-        sum_of_squares: solution.sum_of_squares(),
-        degrees_of_freedom: solution.degrees_of_freedom(),
-        information: solution.information(),
-        iterations: solution.iterations(),
-        covariance: uncertainty.covariance,
-        directions: uncertainty.directions,
-        parameters,
+        verdict: Verdict::of(&estimate),
+        estimate,
     })
 }
 
@@ -191,64 +165,26 @@ impl<'a> Branches<'a> {
         })
     }
 
-    /// Returns starts: the peaks of a spectrum, and the best choices of times on a grid.
+    /// Returns the best combinations of times between half of the first and twice the last time of the data.
     fn starts(&self, branches: usize) -> Vec<Vec<f64>> {
         let positive = || self.times.iter().copied().filter(|t| *t > 0.0);
         let last = positive().fold(1.0, f64::max);
         let (from, to) = (0.5 * positive().fold(last, f64::min), 2.0 * last);
-        let grid = |count: usize| -> Vec<f64> {
-            let part = |i: usize| i as f64 / (count - 1) as f64;
-            (0..count).map(|i| from * (to / from).powf(part(i))).collect()
-        };
-        let (fine, coarse) = (grid(SPECTRUM), grid(COARSE));
-        let mut starts = Vec::new();
-        if let Some((_, spectrum)) = self.best(&fine, fine.len(), 1).into_iter().next() {
-            let peaks = peaks(&fine, &spectrum[1..]);
-            if peaks.len() == branches {
-                starts.push(parameters(spectrum[0], &peaks));
-            }
-        }
-        for (chosen, moduli) in self.best(&coarse, branches, STARTS) {
-            let times = chosen.iter().map(|&i| coarse[i]);
-            let pairs: Vec<(f64, f64)> = moduli[1..].iter().copied().zip(times).collect();
-            starts.push(parameters(moduli[0], &pairs));
-        }
-        starts
-    }
-
-    /// Returns the best choices of times, and their moduli after that of equilibrium.
-    fn best(&self, times: &[f64], chosen: usize, count: usize) -> Vec<(Vec<usize>, Vec<f64>)> {
-        let decays = |time: &f64| -> Vec<f64> {
+        let part = |i: usize| i as f64 / (GRID - 1) as f64;
+        let grid: Vec<f64> = (0..GRID).map(|i| from * (to / from).powf(part(i))).collect();
+        let column = |time: f64| -> Vec<f64> {
             let rows = self.rows.iter().zip(self.times);
             rows.map(|((factor, _), t)| factor * (-t / time).exp()).collect()
         };
-        let columns: Vec<Vec<f64>> = times.iter().map(decays).collect();
+        let columns: Vec<Vec<f64>> = grid.iter().map(|time| column(*time)).collect();
         let data: Vec<f64> = self.rows.iter().map(|(_, stress)| *stress).collect();
-        best_combinations(&[decays(&f64::INFINITY)], &columns, chosen, &data, count)
+        let best = best_combinations(&[column(f64::INFINITY)], &columns, branches, &data, STARTS);
+        let parameters = |(chosen, moduli): (Vec<usize>, Vec<f64>)| {
+            let pairs = chosen.iter().zip(&moduli[1..]).flat_map(|(i, g)| [*g, grid[*i]]);
+            std::iter::once(moduli[0]).chain(pairs).collect()
+        };
+        best.into_iter().map(parameters).collect()
     }
-}
-
-/// Returns the parameters of an equilibrium and of pairs of a modulus and a time.
-fn parameters(modulus: f64, pairs: &[(f64, f64)]) -> Vec<f64> {
-    let branches = pairs.iter().flat_map(|(g, time)| [*g, *time]);
-    std::iter::once(modulus).chain(branches).collect()
-}
-
-/// Merges neighbours of a spectrum that are not small; returns the modulus and the mean time of each peak.
-fn peaks(grid: &[f64], moduli: &[f64]) -> Vec<(f64, f64)> {
-    let least = 1e-3 * moduli.iter().sum::<f64>();
-    let mut peaks = Vec::new();
-    let (mut sum, mut moment) = (0.0, 0.0);
-    for (time, modulus) in grid.iter().zip(moduli).chain(std::iter::once((&1.0, &0.0))) {
-        if *modulus > least {
-            sum += modulus;
-            moment += modulus * time.ln();
-        } else if sum > 0.0 {
-            peaks.push((sum, f64::exp(moment / sum)));
-            (sum, moment) = (0.0, 0.0);
-        }
-    }
-    peaks
 }
 
 impl Model for Branches<'_> {

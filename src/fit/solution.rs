@@ -3,7 +3,7 @@
 use crate::curve::FitError;
 use crate::least_squares::{Bounds, Evaluation, Minimum, minimise};
 use crate::profile::profile;
-use crate::statistics::{Information, NORMAL_95, Uncertainty, student_t};
+use crate::statistics::{Direction, Information, NORMAL_95, Uncertainty, student_t};
 use deaflow_linalg::Mat;
 
 /// A standard error above this, relative to the parameter, needs the profile of the likelihood.
@@ -40,6 +40,33 @@ pub struct Parameter {
     pub profile: Option<(f64, f64)>,
     /// Whether the parameter is at a bound.
     pub at_bound: bool,
+}
+
+/// The parameters of a model that agree best with data, and how well the data determine them.
+#[derive(Clone, Debug)]
+pub struct Estimate {
+    /// The parameters.
+    pub parameters: Vec<Parameter>,
+    /// The covariance of the parameters, of the logarithms where they are logarithmic.
+    pub covariance: Mat<f64>,
+    /// Combinations of parameters, the least determined first.
+    pub directions: Vec<Direction>,
+    /// Whether the standard deviations of the data are stated: then the sum of squares is χ².
+    pub stated: bool,
+    /// χ², or the sum of the squares of the residuals.
+    pub sum_of_squares: f64,
+    /// The number of points, without those at stretch 1.
+    pub points: usize,
+    /// Points less parameters.
+    pub degrees_of_freedom: usize,
+    /// The information criteria.
+    pub information: Information,
+    /// The steps of the search that found the minimum.
+    pub iterations: usize,
+    /// Whether that search converged.
+    pub converged: bool,
+    /// How many searches were made, and how many found the minimum.
+    pub searches: (usize, usize),
 }
 
 /// How a parameter enters the search.
@@ -134,8 +161,7 @@ pub(crate) struct Solution<'a> {
     model: &'a dyn Model,
     bounds: Bounds,
     best: Minimum,
-    /// How many searches were made, and how many found the minimum.
-    pub searches: (usize, usize),
+    searches: (usize, usize),
 }
 
 impl<'a> Solution<'a> {
@@ -182,35 +208,32 @@ impl<'a> Solution<'a> {
         values(self.model.coordinates(), &self.best.point)
     }
 
-    pub fn sum_of_squares(&self) -> f64 {
-        self.best.sum_of_squares
+    /// Returns the parameters and their statistics.
+    pub fn estimate(&self, profiles: Profiles) -> Estimate {
+        let (points, count) = (self.best.evaluation.residual.len(), self.best.point.len());
+        let (stated, sum_of_squares) = (self.model.stated(), self.best.sum_of_squares);
+        let uncertainty = self.uncertainty();
+        Estimate {
+            parameters: self.parameters(&uncertainty, profiles),
+            covariance: uncertainty.covariance,
+            directions: uncertainty.directions,
+            stated,
+            sum_of_squares,
+            points,
+            degrees_of_freedom: self.degrees_of_freedom(),
+            information: Information::new(stated, sum_of_squares, points, count),
+            iterations: self.best.iterations,
+            converged: self.best.converged,
+            searches: self.searches,
+        }
     }
 
-    pub fn iterations(&self) -> usize {
-        self.best.iterations
-    }
-
-    pub fn converged(&self) -> bool {
-        self.best.converged
-    }
-
-    /// Returns the number of points.
-    pub fn points(&self) -> usize {
-        self.best.evaluation.residual.len()
-    }
-
-    /// Returns points less parameters.
-    pub fn degrees_of_freedom(&self) -> usize {
-        self.points().saturating_sub(self.best.point.len())
-    }
-
-    pub fn information(&self) -> Information {
-        Information::new(
-            self.model.stated(),
-            self.sum_of_squares(),
-            self.points(),
-            self.best.point.len(),
-        )
+    fn degrees_of_freedom(&self) -> usize {
+        self.best
+            .evaluation
+            .residual
+            .len()
+            .saturating_sub(self.best.point.len())
     }
 
     /// Returns the standard deviation of the residuals: 1 where that of the data is stated.
@@ -218,7 +241,7 @@ impl<'a> Solution<'a> {
         if self.model.stated() {
             1.0
         } else {
-            (self.sum_of_squares() / self.degrees_of_freedom() as f64).sqrt()
+            (self.best.sum_of_squares / self.degrees_of_freedom() as f64).sqrt()
         }
     }
 
@@ -244,7 +267,7 @@ impl<'a> Solution<'a> {
     }
 
     /// Returns the standard errors and directions; without points to spare there are none.
-    pub fn uncertainty(&self) -> Uncertainty {
+    fn uncertainty(&self) -> Uncertainty {
         let (units, spread) = (self.units(), self.spread());
         let name = |(c, unit): (&Coordinate, &f64)| match c.scale {
             Scale::Logarithm => c.name.clone(),
@@ -262,7 +285,7 @@ impl<'a> Solution<'a> {
     }
 
     /// Returns the parameters with their intervals.
-    pub fn parameters(&self, uncertainty: &Uncertainty, profiles: Profiles) -> Vec<Parameter> {
+    fn parameters(&self, uncertainty: &Uncertainty, profiles: Profiles) -> Vec<Parameter> {
         let quantile = if self.model.stated() {
             NORMAL_95
         } else {

@@ -6,21 +6,19 @@
 use crate::curve::{FitError, Points, Row};
 use crate::fit::Options;
 use crate::law::{Law, LawKind, OgdenTerm};
-use crate::non_negative::non_negative;
 use crate::solution::{Coordinate, Scale};
-use deaflow_linalg::Mat;
+use deaflow_linalg::{Mat, solve_definite};
 
 /// The searches of Ogden's law.
 const OGDEN_STARTS: usize = 12;
 /// A factor of zero is replaced by this part of the sum of all.
 const SMALL_FACTOR: f64 = 1e-4;
+/// Added to the diagonal, relative to it, so that columns may depend on each other.
+const RIDGE: f64 = 1e-13;
 /// The largest number of combinations of exponents that are tried.
 const COMBINATIONS: f64 = 4000.0;
-/// The exponents of Ogden's law from which combinations are made.
-const EXPONENTS: [f64; 22] = [
-    -10.0, -8.0, -6.0, -5.0, -4.0, -3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.5, 10.0,
-    12.0,
-];
+/// The largest number of exponents from which combinations are made.
+const EXPONENTS: usize = 22;
 
 /// Returns parameters with their bounds, where `modulus` is that of the neo-Hookean law.
 ///
@@ -143,19 +141,14 @@ fn ogden(terms: usize, points: &Points, coordinates: &[Coordinate]) -> Vec<Vec<f
     let data: Vec<f64> = points.counted().map(|row| row.stress / row.scale).collect();
     let best = best_combinations(&[], &columns, terms, &data, OGDEN_STARTS);
     let pairs = |(chosen, moduli): (Vec<usize>, Vec<f64>)| {
-        let exponents = chosen.iter().map(|&i| exponents[i]);
-        moduli
-            .iter()
-            .zip(exponents)
-            .flat_map(|(g, alpha)| [*g, alpha])
-            .collect()
+        let pair = |(i, g): (usize, f64)| [g, exponents[i]];
+        chosen.into_iter().zip(moduli).flat_map(pair).collect()
     };
     best.into_iter().map(pairs).collect()
 }
 
-/// Returns the choices of columns that fit the data best together with those that are always used, and their factors,
-/// which are not negative: of the columns that are always used first. Factors of zero are replaced by small ones, which
-/// have logarithms.
+/// Returns the choices of columns that fit the data best together with those that are always used, and their positive
+/// factors: of the columns that are always used first.
 pub(crate) fn best_combinations(
     always: &[Vec<f64>],
     columns: &[Vec<f64>],
@@ -168,29 +161,42 @@ pub(crate) fn best_combinations(
     let gram = Mat::from_fn(all.len(), all.len(), |i, j| dot(all[i], all[j]));
     let right: Vec<f64> = all.iter().map(|column| dot(column, data)).collect();
     let fitted = |chosen: Vec<usize>| {
-        let used: Vec<usize> = (0..always.len())
-            .chain(chosen.iter().map(|i| always.len() + i))
-            .collect();
-        let system = Mat::from_fn(used.len(), used.len(), |a, b| gram[(used[a], used[b])]);
-        let reduced: Vec<f64> = used.iter().map(|&i| right[i]).collect();
-        let factors = non_negative(&system, &reduced);
-        // At the minimum of |Ax − b|² over x ≥ 0 the sum of squares is |b|² − xᵀAᵀb.
-        let gain = dot(&factors, &reduced);
-        let least = SMALL_FACTOR * factors.iter().sum::<f64>();
-        (
-            gain,
-            chosen,
-            factors.into_iter().map(|factor| factor.max(least)).collect(),
-        )
+        let offset = always.len();
+        let used: Vec<usize> = (0..offset).chain(chosen.iter().map(|i| offset + i)).collect();
+        let (gain, factors) = positive_factors(&gram, &right, &used)?;
+        Some((gain, chosen, factors))
     };
-    let mut found: Vec<(f64, Vec<usize>, Vec<f64>)> =
-        combinations(columns.len(), chosen).into_iter().map(fitted).collect();
+    let chosen = combinations(columns.len(), chosen).into_iter();
+    let mut found: Vec<(f64, Vec<usize>, Vec<f64>)> = chosen.filter_map(fitted).collect();
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    found
-        .into_iter()
-        .map(|(_, chosen, factors)| (chosen, factors))
-        .take(count)
-        .collect()
+    let best = found.into_iter().take(count);
+    best.map(|(_, chosen, factors)| (chosen, factors)).collect()
+}
+
+/// Returns by how much some columns reduce the sum of squares, and their factors. Columns whose factor would be
+/// negative leave one by one, the most negative first; in place of zero they get a small factor, which has a logarithm.
+fn positive_factors(gram: &Mat<f64>, right: &[f64], used: &[usize]) -> Option<(f64, Vec<f64>)> {
+    let mut kept = used.to_vec();
+    loop {
+        let system = Mat::from_fn(kept.len(), kept.len(), |a, b| {
+            let ridge = if a == b { 1.0 + RIDGE } else { 1.0 };
+            ridge * gram[(kept[a], kept[b])]
+        });
+        let reduced: Vec<f64> = kept.iter().map(|&i| right[i]).collect();
+        let factors = solve_definite(&system, &reduced)?;
+        let (worst, least) = factors.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1))?;
+        if *least > 0.0 {
+            let gain = factors.iter().zip(&reduced).map(|(x, b)| x * b).sum();
+            let small = SMALL_FACTOR * factors.iter().sum::<f64>();
+            let of = |i: &usize| {
+                kept.iter()
+                    .position(|k| k == i)
+                    .map_or(small, |a| factors[a].max(small))
+            };
+            return Some((gain, used.iter().map(of).collect()));
+        }
+        kept.remove(worst);
+    }
 }
 
 /// Returns the stresses of one term with the modulus 1, divided by the scales.
@@ -203,23 +209,14 @@ fn column(alpha: f64, points: &Points) -> Vec<f64> {
     points.counted().map(stress).collect()
 }
 
-/// Returns the exponents of the grid within limits: so few that not too many combinations of them are tried.
+/// Returns evenly spaced exponents within limits: so few that not too many combinations of them are tried.
 fn exponents_within((low, high): (f64, f64), terms: usize) -> Vec<f64> {
-    let mut grid = EXPONENTS.map(|alpha| alpha.clamp(low, high)).to_vec();
-    grid.dedup();
-    let count = EXPONENTS.len();
-    if grid.len() < count / 2 {
-        grid = (0..count)
-            .map(|i| low + (high - low) * i as f64 / (count - 1) as f64)
-            .collect();
-    }
     let choices = |of: usize| (0..terms).fold(1.0, |product, k| product * of.saturating_sub(k) as f64 / (k + 1) as f64);
-    let mut kept = grid.len();
-    while choices(kept) > COMBINATIONS && kept > terms {
-        kept -= 1;
-    }
-    let index = |i: usize| i * (grid.len() - 1) / (kept - 1).max(1);
-    (0..kept).map(|i| grid[index(i)]).collect()
+    let few = |count: &usize| choices(*count) <= COMBINATIONS;
+    let count = (terms + 1..=EXPONENTS).rev().find(few).unwrap_or(terms + 1);
+    (0..count)
+        .map(|i| low + (high - low) * i as f64 / (count - 1) as f64)
+        .collect()
 }
 
 /// Returns all ascending choices of `chosen` of `count` indices.

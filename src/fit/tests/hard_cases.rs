@@ -49,8 +49,11 @@ fn as_many_points_as_parameters_leave_no_error_to_estimate() {
     let stretch = [1.3, 2.0, 3.0];
     for (sigma, known) in [(Sigma::StatedFraction(0.01), true), (Sigma::UnstatedRelative, false)] {
         let fit = fitted(exact(&law, Test::Uniaxial, &stretch, sigma), LawKind::Yeoh).unwrap();
-        assert_eq!((fit.degrees_of_freedom, fit.information.aicc), (0, f64::INFINITY));
-        for (parameter, value) in fit.parameters.iter().zip([20e3, -300.0, 20.0]) {
+        assert_eq!(
+            (fit.estimate.degrees_of_freedom, fit.estimate.information.aicc),
+            (0, f64::INFINITY)
+        );
+        for (parameter, value) in fit.estimate.parameters.iter().zip([20e3, -300.0, 20.0]) {
             assert!((parameter.value / value - 1.0).abs() < 1e-9, "{parameter:?}");
             assert_eq!(parameter.standard_error.is_some(), known);
         }
@@ -61,16 +64,21 @@ fn as_many_points_as_parameters_leave_no_error_to_estimate() {
 #[test]
 fn equal_points_determine_one_parameter() {
     let one = fitted(uniaxial(&[2.0; 5]), LawKind::NeoHookean).unwrap();
-    assert!((one.parameters[0].value / 20e3 - 1.0).abs() < 1e-12);
-    assert!((one.parameters[0].standard_error.unwrap() - 0.02 / f64::sqrt(5.0)).abs() < 1e-10);
+    assert!((one.estimate.parameters[0].value / 20e3 - 1.0).abs() < 1e-12);
+    assert!((one.estimate.parameters[0].standard_error.unwrap() - 0.02 / f64::sqrt(5.0)).abs() < 1e-10);
     let two = fitted(uniaxial(&[2.0; 5]), LawKind::MooneyRivlin).unwrap();
     assert!(
-        two.parameters
+        two.estimate
+            .parameters
             .iter()
             .all(|parameter| parameter.standard_error.is_none())
     );
     assert_eq!(
-        two.directions.iter().filter(|direction| direction.determined).count(),
+        two.estimate
+            .directions
+            .iter()
+            .filter(|direction| direction.determined)
+            .count(),
         1
     );
 }
@@ -83,7 +91,7 @@ fn an_outlier_is_listed_by_its_row() {
     let sigma = curve.stress_pa.iter().map(|stress| 0.02 * stress + 1.0);
     curve.sigma = Sigma::Stated(sigma.collect());
     let fit = fitted(curve, LawKind::NeoHookean).unwrap();
-    assert_eq!(fit.points, 19);
+    assert_eq!(fit.estimate.points, 19);
     assert_eq!(fit.residuals[0].residuals.len(), 20);
     assert_eq!(fit.outliers.len(), 1, "{:?}", fit.outliers);
     assert_eq!(
@@ -110,14 +118,14 @@ fn compression_determines_a_law_too() {
     ];
     let fit = fit(&curves, LawKind::Gent, &Options::default()).unwrap();
     assert!(
-        (fit.parameters[0].value / 20e3 - 1.0).abs() < 1e-9,
+        (fit.estimate.parameters[0].value / 20e3 - 1.0).abs() < 1e-9,
         "{:?}",
-        fit.parameters
+        fit.estimate.parameters
     );
     assert!(
-        (fit.parameters[1].value / 30.0 - 1.0).abs() < 1e-9,
+        (fit.estimate.parameters[1].value / 30.0 - 1.0).abs() < 1e-9,
         "{:?}",
-        fit.parameters
+        fit.estimate.parameters
     );
     assert!(fit.stability.is_stable() && fit.stability.falling.is_empty());
 }
@@ -139,12 +147,12 @@ fn a_parameter_at_a_bound_has_no_interval() {
         ..Options::default()
     };
     let fit = fit(&[curve], LawKind::Gent, &options).unwrap();
-    let jm = &fit.parameters[1];
+    let jm = &fit.estimate.parameters[1];
     assert_eq!(
         (jm.value, jm.at_bound, jm.standard_error, jm.profile),
         (40.0, true, None, None)
     );
-    assert!(fit.parameters[0].standard_error.is_some());
+    assert!(fit.estimate.parameters[0].standard_error.is_some());
 }
 
 /// A law that stiffens, fitted to an elastomer that softens: its limit runs away.
@@ -279,13 +287,13 @@ fn small_stretches_do_not_determine_a_limit() {
         *stress *= 1.0 + 1e-3 * (i as f64 - 4.0);
     }
     let fit = fitted(curve, LawKind::Gent).unwrap();
-    let jm = &fit.parameters[1];
+    let jm = &fit.estimate.parameters[1];
     assert!(jm.profile.unwrap().1.is_infinite(), "{jm:?}");
     assert_eq!(
         fit.verdict.to_string(),
         "the data do not determine jm",
         "{:?}",
-        fit.directions
+        fit.estimate.directions
     );
 }
 
@@ -305,7 +313,7 @@ fn relaxation() -> Relaxation {
 fn relaxation_in_pure_shear_is_found_again() {
     let fits = fit_relaxation(&[relaxation()], 1, &Options::default()).unwrap();
     assert_eq!(fits[0].branches(), 1);
-    for (parameter, value) in fits[0].parameters.iter().zip([1e3 / 1.875, 1e3 / 1.875, 2.0]) {
+    for (parameter, value) in fits[0].estimate.parameters.iter().zip([1e3 / 1.875, 1e3 / 1.875, 2.0]) {
         assert!((parameter.value / value - 1.0).abs() < 1e-9, "{parameter:?}");
     }
     assert_eq!(

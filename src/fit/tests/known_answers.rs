@@ -1,7 +1,7 @@
 //! Fits against the answers of an independent program (closed forms and scipy's trust-region method, in Python).
 
 use deaflow_fit::{
-    Candidate, Curve, Fit, Law, LawKind, Options, Profiles, Relaxation, Sigma, Test, Verdict, compare, fit,
+    Candidate, Curve, Fit, Law, LawKind, OgdenTerm, Options, Profiles, Relaxation, Sigma, Test, Verdict, compare, fit,
     fit_relaxation,
 };
 
@@ -111,7 +111,7 @@ fn check_treloar(sigma: &Sigma, unit: f64, known: &[Known]) {
         let found = candidate(&candidates, known.kind);
         let fit = found.fit.as_ref().unwrap();
         assert_eq!(fit.verdict, Verdict::Determined, "{:?}", known.kind);
-        for (parameter, value) in fit.parameters.iter().zip(known.values) {
+        for (parameter, value) in fit.estimate.parameters.iter().zip(known.values) {
             let modulus = ["shear_modulus", "g_1", "g_2", "g_3"].contains(&parameter.name.as_str());
             let digits = if matches!(known.kind, LawKind::Ogden(_)) {
                 2e-5
@@ -120,8 +120,8 @@ fn check_treloar(sigma: &Sigma, unit: f64, known: &[Known]) {
             };
             assert_near(parameter.value, if modulus { 1e6 * value } else { *value }, digits);
         }
-        assert_near(fit.sum_of_squares, unit * unit * known.sum_of_squares, 5e-10);
-        let aicc = fit.information.aicc - 2.0 * fit.points as f64 * unit.ln();
+        assert_near(fit.estimate.sum_of_squares, unit * unit * known.sum_of_squares, 5e-10);
+        let aicc = fit.estimate.information.aicc - 2.0 * fit.estimate.points as f64 * unit.ln();
         assert!((aicc - known.aicc).abs() < 1e-4, "{aicc}, not {}", known.aicc);
         for ((_, error), known) in found.left_out.iter().zip(known.left_out.into_iter().flatten()) {
             assert!(
@@ -131,6 +131,29 @@ fn check_treloar(sigma: &Sigma, unit: f64, known: &[Known]) {
             );
         }
     }
+}
+
+/// Ogden's own fit (Proc. R. Soc. A 326 (1972) 565) to the same tests: μ = 6.3, 0.012 and −0.1 kg/cm², α = 1.3, 5, −2.
+#[test]
+fn the_terms_of_ogden_are_near_the_best_ones() {
+    let terms = [(6.3, 1.3), (0.012, 5.0), (-0.1, -2.0)].map(|(mu, alpha)| OgdenTerm {
+        shear_modulus: 0.5 * 98066.5 * mu * alpha,
+        alpha,
+    });
+    let law = Law::Ogden(terms.to_vec());
+    let sum = |curves: Vec<Curve>, relative: bool| -> f64 {
+        let of_curve = |curve: &Curve| -> f64 {
+            let points = curve.stretch.iter().zip(&curve.stress_pa);
+            let residual = |(stretch, data): (&f64, &f64)| {
+                let difference = law.nominal_stress(curve.test, *stretch).unwrap() - data;
+                (difference / if relative { *data } else { 1e6 }).powi(2)
+            };
+            points.map(residual).sum()
+        };
+        curves.iter().map(of_curve).sum()
+    };
+    assert_near(sum(treloar(&Sigma::UnstatedRelative), true), 0.35996, 1e-4);
+    assert_near(sum(treloar(&Sigma::UnstatedAbsolute), false), 2.98896, 1e-4);
 }
 
 /// The deviates of the known answers: √2 sin(2.3 i²), i = 1, 2, …
@@ -198,18 +221,18 @@ fn two_tests_determine_a_gent_law() {
     ]) {
         assert_eq!(fit.law.kind(), kind);
         assert!(
-            (fit.information.aicc - aicc).abs() < 1e-3_f64.min(1e-6 * aicc),
+            (fit.estimate.information.aicc - aicc).abs() < 1e-3_f64.min(1e-6 * aicc),
             "{kind:?}: {:?}",
-            fit.information
+            fit.estimate.information
         );
     }
     let fit = fits[0];
-    assert_near(fit.parameters[0].value, 50.117487e3, 1e-8);
-    assert_near(fit.parameters[1].value, 60.305284, 1e-8);
-    assert_near(fit.parameters[0].standard_error.unwrap(), 0.00593605, 1e-6);
-    assert_near(fit.parameters[1].standard_error.unwrap(), 0.01247799, 1e-6);
-    assert_near(fit.sum_of_squares, 25.919068, 2e-8);
-    let (low, high) = fit.parameters[1].profile.unwrap();
+    assert_near(fit.estimate.parameters[0].value, 50.117487e3, 1e-8);
+    assert_near(fit.estimate.parameters[1].value, 60.305284, 1e-8);
+    assert_near(fit.estimate.parameters[0].standard_error.unwrap(), 0.00593605, 1e-6);
+    assert_near(fit.estimate.parameters[1].standard_error.unwrap(), 0.01247799, 1e-6);
+    assert_near(fit.estimate.sum_of_squares, 25.919068, 2e-8);
+    let (low, high) = fit.estimate.parameters[1].profile.unwrap();
     assert_near(low, 58.894837, 1e-8);
     assert_near(high, 61.838884, 1e-8);
     assert!(fit.outliers.is_empty() && fit.verdict == Verdict::Determined);
@@ -220,10 +243,10 @@ fn two_tests_determine_a_gent_law() {
 fn small_stretches_leave_the_interval_of_a_gent_law_open() {
     let curves = noisy(&gent(100.0), &[(Test::Uniaxial, even(15, 1.1, 2.5))]);
     let fit = fit(&curves, LawKind::Gent, &with_profiles(Profiles::All)).unwrap();
-    assert_near(fit.parameters[0].value, 50.536798e3, 1e-8);
-    assert_near(fit.parameters[1].value, 248.64126, 2e-8);
-    assert_near(fit.sum_of_squares, 15.719268, 3e-8);
-    let [modulus, limit] = [0, 1].map(|i| fit.parameters[i].profile.unwrap());
+    assert_near(fit.estimate.parameters[0].value, 50.536798e3, 1e-8);
+    assert_near(fit.estimate.parameters[1].value, 248.64126, 2e-8);
+    assert_near(fit.estimate.sum_of_squares, 15.719268, 3e-8);
+    let [modulus, limit] = [0, 1].map(|i| fit.estimate.parameters[i].profile.unwrap());
     assert_near(modulus.0, 49.723021e3, 1e-8);
     assert_near(modulus.1, 51.303810e3, 1e-8);
     assert_near(limit.0, 85.143052, 1e-8);
@@ -260,15 +283,15 @@ fn relaxation_has_two_branches() {
     assert_eq!(order, [2, 3, 1, 0]);
     // With three branches the independent program ended in a local minimum, 67.010828 at times of 0.80, 3.86 and 12.9 s.
     for (fit, aicc) in fits.iter().zip([62.957528, 66.264486, 5601.410]) {
-        let found = fit.information.aicc;
+        let found = fit.estimate.information.aicc;
         assert!((found - aicc).abs() < 1e-7 * aicc.max(10.0), "{found}, not {aicc}");
     }
     let values = [14.937645e3, 30.494843e3, 0.82823964, 19.46648e3, 12.371668];
     let errors = [0.0042330, 0.0099296, 0.0239331, 0.0128814, 0.0213614];
-    for (parameter, (value, error)) in fits[0].parameters.iter().zip(values.into_iter().zip(errors)) {
+    for (parameter, (value, error)) in fits[0].estimate.parameters.iter().zip(values.into_iter().zip(errors)) {
         assert_near(parameter.value, value, 5e-8);
         assert_near(parameter.standard_error.unwrap(), error, 1.3e-5);
     }
-    assert_near(fits[0].sum_of_squares, 51.593892, 1e-8);
+    assert_near(fits[0].estimate.sum_of_squares, 51.593892, 1e-8);
     assert_eq!(fits[0].residuals[1].residuals.len(), 25);
 }
