@@ -2,7 +2,8 @@
 //!
 //! Each step solves (JᵀJ + νD)δ = −Jᵀr, where D is the largest diagonal of JᵀJ so far (Marquardt, SIAM J. Appl. Math. 11
 //! (1963) 431; Moré, Lect. Notes Math. 630 (1978) 105), so the units of the parameters do not matter. A step that
-//! increases the sum of squares, or leads to parameters for which the model has no value, is refused, and ν grows.
+//! increases the sum of squares, or leads to parameters for which the model has no value, is refused. ν grows after a
+//! step that gains less than a quarter of what the linear model predicts, and falls where it gains three quarters.
 //! Parameters at a bound that would leave it do not take part in a step.
 
 use deaflow_linalg::{Mat, solve_definite};
@@ -100,80 +101,103 @@ pub struct Minimum {
 /// A model whose residuals have no value for some parameters.
 pub type Residuals<'a> = dyn Fn(&[f64]) -> Option<Evaluation> + 'a;
 
+/// A point of a search.
+struct State {
+    point: Vec<f64>,
+    evaluation: Evaluation,
+    sum_of_squares: f64,
+    gram: Mat<f64>,
+    gradient: Vec<f64>,
+}
+
+impl State {
+    /// Evaluates the residuals; `None` if they have no value, or are not finite.
+    fn new(residuals: &Residuals<'_>, point: Vec<f64>) -> Option<Self> {
+        let evaluation = residuals(&point)?;
+        let sum_of_squares = evaluation.sum_of_squares();
+        sum_of_squares.is_finite().then(|| Self {
+            point,
+            sum_of_squares,
+            gram: evaluation.gram(),
+            gradient: evaluation.gradient(),
+            evaluation,
+        })
+    }
+
+    /// Returns |Jδ|², the change of the residuals by a step.
+    fn effect(&self, step: &[f64]) -> f64 {
+        let row = |i: usize| step.iter().enumerate().map(|(j, d)| self.gram[(i, j)] * d).sum::<f64>();
+        step.iter().enumerate().map(|(i, d)| d * row(i)).sum()
+    }
+
+    /// Returns the squared length of the gradient in the norm of D⁻¹, without parameters that cannot move.
+    fn steepness(&self, scale: &[f64], bounds: &Bounds) -> f64 {
+        let terms = self.gradient.iter().zip(scale).enumerate();
+        let free = terms.filter(|(i, (g, s))| **s > 0.0 && !bounds.blocks(&self.point, *i, -**g));
+        free.map(|(_, (g, s))| g * g / s).sum()
+    }
+
+    /// Returns the decrease of the sum of squares by a step, divided by that of the linear model. Where the decrease is
+    /// not more than rounding, the decrease of the gradient takes its place.
+    fn gain(&self, step: &[f64], next: &Self, scale: &[f64], bounds: &Bounds) -> f64 {
+        let decrease = self.sum_of_squares - next.sum_of_squares;
+        if decrease.abs() <= ROUNDING * self.sum_of_squares {
+            return 1.0 - (next.steepness(scale, bounds) / self.steepness(scale, bounds)).sqrt();
+        }
+        let slope: f64 = self.gradient.iter().zip(step).map(|(g, d)| g * d).sum();
+        decrease / (2.0 * slope + self.effect(step)).abs()
+    }
+}
+
 /// Returns the local minimum of rᵀr that a search from `start` ends at; `None` if there are no residuals at the start.
 #[must_use]
 pub fn minimise(residuals: &Residuals<'_>, start: &[f64], bounds: &Bounds) -> Option<Minimum> {
-    let mut point = bounds.project(start);
-    let mut current = residuals(&point)?;
-    let mut sum_of_squares = current.sum_of_squares();
-    if !sum_of_squares.is_finite() {
-        return None;
-    }
-    let mut scale = vec![0.0_f64; point.len()];
+    let mut state = State::new(residuals, bounds.project(start))?;
+    let mut scale = vec![0.0_f64; start.len()];
     let mut damping = 1e-3;
     let (mut iterations, mut negligible) = (0, 0);
     while iterations < STEPS && negligible < 2 {
         iterations += 1;
-        let gram = current.gram();
         for (i, largest) in scale.iter_mut().enumerate() {
-            *largest = largest.max(gram[(i, i)]);
+            *largest = largest.max(state.gram[(i, i)]);
         }
-        let step = damped_step(&gram, &current.gradient(), &scale, damping, &point, bounds);
-        let Some(step) = step else {
+        let Some(step) = damped_step(&state, &scale, damping, bounds) else {
             damping *= 4.0;
             continue;
         };
-        let moved: Vec<f64> = point.iter().zip(&step).map(|(q, d)| q + d).collect();
+        let moved: Vec<f64> = state.point.iter().zip(&step).map(|(q, d)| q + d).collect();
         let moved = bounds.project(&moved);
-        let change: Vec<f64> = moved.iter().zip(&point).map(|(new, old)| new - old).collect();
-        let extent = scale.iter().zip(&point).map(|(s, q)| s * q * q).sum::<f64>().sqrt();
-        let small = effect(&gram, &change) <= NEGLIGIBLE * extent;
+        let step: Vec<f64> = moved.iter().zip(&state.point).map(|(new, old)| new - old).collect();
+        let extent: f64 = scale.iter().zip(&state.point).map(|(s, q)| s * q * q).sum();
+        let small = state.effect(&step) <= NEGLIGIBLE * NEGLIGIBLE * extent;
         negligible = if small { negligible + 1 } else { 0 };
-        let trial = residuals(&moved).map(|e| (e.sum_of_squares(), steepness(&e.gradient(), &scale), e));
-        let steep = steepness(&current.gradient(), &scale);
-        let improves = |sum: f64, trial: f64| {
-            let rounding = ROUNDING * sum_of_squares;
-            sum < sum_of_squares - rounding || (sum <= sum_of_squares + rounding && trial < steep)
-        };
-        match trial.filter(|(sum, trial, _)| improves(*sum, *trial)) {
-            Some((sum, _, next)) => {
-                (point, current, sum_of_squares) = (moved, next, sum);
-                damping = f64::max(damping / 9.0, 1e-15);
-            }
-            None => damping *= 4.0,
+        let next = State::new(residuals, moved);
+        let gain = next
+            .as_ref()
+            .map_or(-1.0, |next| state.gain(&step, next, &scale, bounds));
+        if gain > 0.75 {
+            damping = f64::max(damping / 9.0, 1e-15);
+        } else if gain.is_nan() || gain < 0.25 {
+            damping *= 4.0;
+        }
+        if let Some(next) = next.filter(|_| gain > 0.0) {
+            state = next;
         }
     }
     Some(Minimum {
-        point,
-        evaluation: current,
-        sum_of_squares,
+        point: state.point,
+        evaluation: state.evaluation,
+        sum_of_squares: state.sum_of_squares,
         iterations,
         converged: negligible >= 2,
     })
 }
 
-/// Returns the length of the gradient in the norm of D⁻¹.
-fn steepness(gradient: &[f64], scale: &[f64]) -> f64 {
-    let terms = gradient.iter().zip(scale).filter(|(_, s)| **s > 0.0);
-    terms.map(|(g, s)| g * g / s).sum()
-}
-
-/// Returns |Jδ|, the change of the residuals by a step.
-fn effect(gram: &Mat<f64>, step: &[f64]) -> f64 {
-    let row = |i: usize| step.iter().enumerate().map(|(j, d)| gram[(i, j)] * d).sum::<f64>();
-    let square: f64 = step.iter().enumerate().map(|(i, d)| d * row(i)).sum();
-    square.max(0.0).sqrt()
-}
-
 /// Returns the step of the parameters that can move; `None` if the system is singular to working precision.
-fn damped_step(
-    gram: &Mat<f64>,
-    gradient: &[f64],
-    scale: &[f64],
-    damping: f64,
-    point: &[f64],
-    bounds: &Bounds,
-) -> Option<Vec<f64>> {
+fn damped_step(state: &State, scale: &[f64], damping: f64, bounds: &Bounds) -> Option<Vec<f64>> {
+    let State {
+        point, gram, gradient, ..
+    } = state;
     let count = point.len();
     let free: Vec<usize> = (0..count)
         .filter(|&i| scale[i] > 0.0 && !bounds.blocks(point, i, -gradient[i]))
