@@ -104,7 +104,7 @@ pub fn fit(curves: &[Curve], kind: LawKind, options: &Options) -> Result<Fit, Fi
     let law = model.law(&solution)?;
     let estimate = solution.estimate(options.profiles);
     let stability = stability(&law, &points, options);
-    let (residuals, outliers) = residuals_of_curves(&law, &points, curves, solution.spread());
+    let residuals = residuals_of_curves(&law, &points, curves);
     let verdict = match (stability.unstable_at, reduced(&law, &points)) {
         (Some((first, second)), _) => Verdict::Unstable(first, second),
         (None, Some(kind)) => Verdict::ReducesTo(kind),
@@ -113,8 +113,8 @@ pub fn fit(curves: &[Curve], kind: LawKind, options: &Options) -> Result<Fit, Fi
     Ok(Fit {
         law,
         estimate,
+        outliers: outliers(&residuals, solution.spread()),
         residuals,
-        outliers,
         stability,
         verdict,
     })
@@ -253,29 +253,31 @@ pub(crate) fn residual(law: &Law, row: &Row) -> Option<f64> {
     Some((law.nominal_stress(row.test, row.stretch)? - row.stress) / row.scale)
 }
 
-fn residuals_of_curves(
-    law: &Law,
-    points: &Points,
-    curves: &[Curve],
-    spread: f64,
-) -> (Vec<CurveResiduals>, Vec<Outlier>) {
-    let mut outliers = Vec::new();
+fn residuals_of_curves(law: &Law, points: &Points, curves: &[Curve]) -> Vec<CurveResiduals> {
     let of_curve = |(index, curve): (usize, &Curve)| {
         let rows = points.rows.iter().filter(|row| row.curve == index);
-        let residuals: Vec<f64> = rows.map(|row| residual(law, row).unwrap_or(f64::NAN)).collect();
-        for (row, r) in residuals.iter().enumerate() {
-            if r.abs() > OUTLIER * spread {
-                outliers.push(Outlier {
-                    curve: curve.name.clone(),
-                    row: row + 1,
-                    deviations: r / spread,
-                });
-            }
-        }
         CurveResiduals {
             name: curve.name.clone(),
-            residuals,
+            residuals: rows.map(|row| residual(law, row).unwrap_or(f64::NAN)).collect(),
         }
     };
-    (curves.iter().enumerate().map(of_curve).collect(), outliers)
+    curves.iter().enumerate().map(of_curve).collect()
+}
+
+/// Returns the points whose residuals are far beyond the standard deviation of all.
+pub(crate) fn outliers(curves: &[CurveResiduals], spread: f64) -> Vec<Outlier> {
+    let rows = |curve: &CurveResiduals| -> Vec<Outlier> {
+        let far = curve
+            .residuals
+            .iter()
+            .enumerate()
+            .filter(|(_, r)| r.abs() > OUTLIER * spread);
+        let outlier = |(row, r): (usize, &f64)| Outlier {
+            curve: curve.name.clone(),
+            row: row + 1,
+            deviations: r / spread,
+        };
+        far.map(outlier).collect()
+    };
+    curves.iter().flat_map(rows).collect()
 }

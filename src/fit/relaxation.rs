@@ -6,11 +6,11 @@
 //! P(t) = (μ + Σ Gᵢ e^(−t/τᵢ))(λ₁ − λ₃²/λ₁)
 //! ```
 //!
-//! which is linear in the moduli: times on a grid give the starts, by least squares with moduli that are not negative.
+//! which is linear in the moduli: times on a grid give the starts, by linear least squares with positive moduli.
 
 use crate::curve::{Curve, FitError, Points, Sigma};
 use crate::deformation::Test;
-use crate::fit::{CurveResiduals, Options, Verdict};
+use crate::fit::{CurveResiduals, Options, Outlier, Verdict, outliers};
 use crate::solution::{Coordinate, Estimate, Model, Solution, check_points};
 use crate::starts::{best_combinations, coordinates, neo_hookean_modulus};
 
@@ -45,6 +45,8 @@ pub struct RelaxationFit {
     pub estimate: Estimate,
     /// The residuals.
     pub residuals: Vec<CurveResiduals>,
+    /// Points far from the model.
+    pub outliers: Vec<Outlier>,
     /// What the data determine.
     pub verdict: Verdict,
 }
@@ -132,8 +134,10 @@ fn fit_branches(
                 .collect()
         },
     };
+    let residuals: Vec<CurveResiduals> = curves.iter().map(&mut of_curve).collect();
     Ok(RelaxationFit {
-        residuals: curves.iter().map(&mut of_curve).collect(),
+        outliers: outliers(&residuals, solution.spread()),
+        residuals,
         verdict: Verdict::of(&estimate),
         estimate,
     })
@@ -168,7 +172,7 @@ impl<'a> Branches<'a> {
     /// Returns the best combinations of times between half of the first and twice the last time of the data.
     fn starts(&self, branches: usize) -> Vec<Vec<f64>> {
         let positive = || self.times.iter().copied().filter(|t| *t > 0.0);
-        let last = positive().fold(1.0, f64::max);
+        let last = positive().max_by(f64::total_cmp).unwrap_or(1.0);
         let (from, to) = (0.5 * positive().fold(last, f64::min), 2.0 * last);
         let part = |i: usize| i as f64 / (GRID - 1) as f64;
         let grid: Vec<f64> = (0..GRID).map(|i| from * (to / from).powf(part(i))).collect();

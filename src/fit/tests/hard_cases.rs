@@ -87,9 +87,9 @@ fn equal_points_determine_one_parameter() {
 fn an_outlier_is_listed_by_its_row() {
     let stretch: Vec<f64> = (0..20).map(|i| 1.0 + 0.1 * f64::from(i)).collect();
     let mut curve = uniaxial(&stretch);
-    curve.stress_pa[7] *= 1.2;
-    let sigma = curve.stress_pa.iter().map(|stress| 0.02 * stress + 1.0);
-    curve.sigma = Sigma::Stated(sigma.collect());
+    let sigma: Vec<f64> = curve.stress_pa.iter().map(|stress| 0.02 * stress + 1.0).collect();
+    curve.stress_pa[7] += 10.0 * sigma[7];
+    curve.sigma = Sigma::Stated(sigma);
     let fit = fitted(curve, LawKind::NeoHookean).unwrap();
     assert_eq!(fit.estimate.points, 19);
     assert_eq!(fit.residuals[0].residuals.len(), 20);
@@ -98,7 +98,7 @@ fn an_outlier_is_listed_by_its_row() {
         (fit.outliers[0].curve.as_str(), fit.outliers[0].row),
         ("uniaxial.csv", 8)
     );
-    assert!(fit.outliers[0].deviations < -7.0);
+    assert!((-10.0..-9.0).contains(&fit.outliers[0].deviations));
 }
 
 #[test]
@@ -297,27 +297,34 @@ fn small_stretches_do_not_determine_a_limit() {
     );
 }
 
-fn relaxation() -> Relaxation {
-    let time_s: Vec<f64> = (0..8).map(f64::from).collect();
+/// One branch of 2 `unit`, at eight times from 0 on.
+fn relaxation(unit: f64) -> Relaxation {
+    let time: Vec<f64> = (0..8).map(f64::from).collect();
     Relaxation {
         name: "step.csv".to_owned(),
         test: Test::PureShear,
         stretch: 2.0,
-        stress_pa: time_s.iter().map(|t| 1e3 * (1.0 + (-t / 2.0).exp())).collect(),
-        time_s,
+        stress_pa: time.iter().map(|t| 1e3 * (1.0 + (-t / 2.0).exp())).collect(),
+        time_s: time.iter().map(|t| t * unit).collect(),
         sigma: Sigma::UnstatedRelative,
     }
 }
 
 #[test]
 fn relaxation_in_pure_shear_is_found_again() {
-    let fits = fit_relaxation(&[relaxation()], 1, &Options::default()).unwrap();
-    assert_eq!(fits[0].branches(), 1);
-    for (parameter, value) in fits[0].estimate.parameters.iter().zip([1e3 / 1.875, 1e3 / 1.875, 2.0]) {
-        assert!((parameter.value / value - 1.0).abs() < 1e-9, "{parameter:?}");
+    for unit in [1e-4, 1.0, 1e5] {
+        let fits = fit_relaxation(&[relaxation(unit)], 1, &Options::default()).unwrap();
+        assert_eq!(fits[0].branches(), 1);
+        let known = [1e3 / 1.875, 1e3 / 1.875, 2.0 * unit];
+        for (parameter, value) in fits[0].estimate.parameters.iter().zip(known) {
+            assert!((parameter.value / value - 1.0).abs() < 1e-9, "{parameter:?}");
+        }
     }
+    // Eight points are enough for up to three branches.
     assert_eq!(
-        fit_relaxation(&[relaxation()], 9, &Options::default()).unwrap().len(),
+        fit_relaxation(&[relaxation(1.0)], 9, &Options::default())
+            .unwrap()
+            .len(),
         4
     );
 }
@@ -325,7 +332,7 @@ fn relaxation_in_pure_shear_is_found_again() {
 #[test]
 fn relaxation_that_is_not_valid_is_refused() {
     let changed = |change: fn(&mut Relaxation)| {
-        let mut curve = relaxation();
+        let mut curve = relaxation(1.0);
         change(&mut curve);
         fit_relaxation(&[curve], 1, &Options::default())
             .unwrap_err()
