@@ -1,7 +1,7 @@
 //! Nonlinear least squares within bounds: the method of Levenberg and Marquardt.
 //!
-//! Each step solves (JᵀJ + νD)δ = −Jᵀr, where D is the largest diagonal of JᵀJ so far (Marquardt, SIAM J. Appl. Math. 11
-//! (1963) 431; Moré, Lect. Notes Math. 630 (1978) 105), so the units of the parameters do not matter. A step that
+//! Each step solves (JᵀJ + νD)δ = −Jᵀr, where D is the largest diagonal of JᵀJ so far (Marquardt, SIAM J. Appl. Math.
+//! 11 (1963) 431; Moré, Lect. Notes Math. 630 (1978) 105), so the units of the parameters do not matter. A step that
 //! increases the sum of squares, or leads to parameters for which the model has no value, is refused. ν grows after a
 //! step that gains less than a quarter of what the linear model predicts, and falls where it gains three quarters.
 //! Parameters at a bound that would leave it do not take part in a step.

@@ -2,8 +2,8 @@
 //!
 //! A test stretches a specimen uniformly and records the nominal stress: force per undeformed area. [`fit()`] finds the
 //! parameters of a law that agree best with one or several [`Curve`]s, and states how well the data determine each of
-//! them. [`compare()`] ranks several laws, and
-//! [`fit_relaxation()`] fits the branches of a viscoelastic elastomer. Laws and parameters are those of scenes; stresses are in Pa.
+//! them. [`compare()`] ranks several laws, and [`fit_relaxation()`] fits the branches of a viscoelastic elastomer. Laws
+//! and parameters are those of scenes; stresses are in Pa.
 
 mod compare;
 mod curve;

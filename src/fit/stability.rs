@@ -1,7 +1,7 @@
 //! Whether a fitted law is stable over the stretches that were measured.
 //!
-//! Drucker's condition: the Hessian of the energy in (ln λ₁, ln λ₂) is positive definite. A nominal stress that falls is
-//! stable in a test with prescribed stretch, but not under a dead load; it falls earlier.
+//! Drucker's condition: the Hessian of the energy in (ln λ₁, ln λ₂) is positive definite. A nominal stress that falls
+//! is stable in a test with prescribed stretch, but not under a dead load; it falls earlier.
 
 use crate::deformation::Test;
 use crate::law::Law;

@@ -281,7 +281,7 @@ fn relaxation_has_two_branches() {
     let fits = fit_relaxation(&curves, 3, &Options::default()).unwrap();
     let order: Vec<usize> = fits.iter().map(|fit| fit.branches()).collect();
     assert_eq!(order, [2, 3, 1, 0]);
-    // With three branches the independent program ended in a local minimum, 67.010828 at times of 0.80, 3.86 and 12.9 s.
+    // With three branches the independent program ended in a local minimum: 67.010828, times of 0.80, 3.86 and 12.9 s.
     for (fit, aicc) in fits.iter().zip([62.957528, 66.264486, 5601.410]) {
         let found = fit.estimate.information.aicc;
         assert!((found - aicc).abs() < 1e-7 * aicc.max(10.0), "{found}, not {aicc}");
