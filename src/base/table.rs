@@ -281,6 +281,27 @@ impl Table {
     /// # Errors
     /// When a column is missing, or the file cannot be read.
     pub fn columns<const N: usize>(&mut self, names: [&str; N]) -> Result<[usize; N], TableError> {
+        let found = self.header()?;
+        let mut places = [0; N];
+        for (place, name) in places.iter_mut().zip(names) {
+            let mut places = (0..found.len()).filter(|at| found[*at].eq_ignore_ascii_case(name));
+            *place = places.next().ok_or_else(|| TableError::Columns {
+                missing: name.to_owned(),
+                found: found.clone(),
+            })?;
+            if places.next().is_some() {
+                return Err(TableError::Twice(name.to_owned()));
+            }
+        }
+        Ok(places)
+    }
+
+    /// Reads the names of the columns: on the first line, or in the comment before it, as
+    /// `numpy.savetxt(…, header=…)` writes them.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn header(&mut self) -> Result<Vec<String>, TableError> {
         let comment = |text: &str, separator: Separator| {
             let mut fields = Vec::new();
             separator.split(text, &mut fields);
@@ -299,20 +320,9 @@ impl Table {
             true => comment(&self.comment, separator),
             false => first,
         };
-        let mut places = [0; N];
-        for (place, name) in places.iter_mut().zip(names) {
-            let mut places = (0..found.len()).filter(|at| found[*at].eq_ignore_ascii_case(name));
-            *place = places.next().ok_or_else(|| TableError::Columns {
-                missing: name.to_owned(),
-                found: found.clone(),
-            })?;
-            if places.next().is_some() {
-                return Err(TableError::Twice(name.to_owned()));
-            }
-        }
         self.is_pending = is_data;
         self.columns = Some(found.len());
-        Ok(places)
+        Ok(found)
     }
 
     /// Returns the next line that is neither empty nor a comment.

@@ -15,9 +15,9 @@ use super::arguments::bare_numbers;
 use super::examples::HEADING;
 use super::tone::width_of_stdout;
 use super::{
-    CliError, Exit, Output, accuracy, attach, audit, check, columns, copy, dag, diff, doctor, explain, export, fsck,
-    gc, init, log, pin, plan, predict, pull, push, remote, report, run, schema, screen, serve, show, sketch, solve,
-    status, sweep, unpin, worker,
+    CliError, Exit, Output, accuracy, attach, audit, check, columns, copy, dag, diff, doctor, explain, export, fit,
+    fsck, gc, init, log, pin, plan, predict, pull, push, remote, report, run, schema, screen, serve, show, sketch,
+    solve, status, sweep, unpin, worker,
 };
 
 /// The name of the program.
@@ -140,6 +140,7 @@ commands! {
     Check => check::CheckArguments,
     Screen => screen::ScreenArguments,
     Accuracy => accuracy::AccuracyArguments,
+    Fit => fit::FitArguments,
     Audit => audit::AuditArguments,
     "Help and set-up":
     Schema => schema::SchemaArguments,

@@ -22,6 +22,7 @@ mod doctor;
 mod error;
 mod explain;
 mod export;
+mod fit;
 mod fsck;
 mod gc;
 mod init;

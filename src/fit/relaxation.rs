@@ -57,6 +57,23 @@ impl RelaxationFit {
     pub fn branches(&self) -> usize {
         self.estimate.parameters.len() / 2
     }
+
+    /// Returns the nominal stress in Pa at a time in s after a step to a stretch.
+    #[must_use]
+    pub fn stress(&self, test: Test, stretch: f64, time_s: f64) -> f64 {
+        let [_, _, third] = test.squared_stretches(stretch);
+        let values: Vec<f64> = self
+            .estimate
+            .parameters
+            .iter()
+            .map(|parameter| parameter.value)
+            .collect();
+        let (modulus, branches) = values.split_at(1);
+        let branches = branches
+            .chunks_exact(2)
+            .map(|branch| branch[0] * (-time_s / branch[1]).exp());
+        (modulus[0] + branches.sum::<f64>()) * (stretch - third / stretch)
+    }
 }
 
 /// Fits the model with up to `most_branches` branches, and returns the fits in the order of Akaike's criterion, the

@@ -55,6 +55,16 @@ impl Scene {
         format!("{{ {} }}", written.collect::<Vec<_>>().join(", "))
     }
 
+    /// Returns the scene in YAML, with a line for each section.
+    #[must_use]
+    pub fn to_yaml(&self) -> String {
+        let Canonical::Map(sections) = self.canonical() else {
+            return String::new();
+        };
+        let line = |name: &&str| Some(format!("{name}: {}\n", sections.get(*name)?));
+        SECTIONS.iter().filter_map(line).collect()
+    }
+
     /// Returns the scene without data that does not affect the simulation: the time course of the drive, and properties
     /// that no effect uses. If screening chooses the effects, everything can affect it.
     #[must_use]

@@ -20,6 +20,7 @@ mod drawings;
 mod evaluate;
 mod export;
 mod figure;
+mod fit;
 mod foreign;
 mod foresight;
 mod full_disk;

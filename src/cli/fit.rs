@@ -1,0 +1,669 @@
+//! `deaflow fit`: fits the elastomer of a scene to measured curves.
+
+mod measured;
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::arguments::{integer, quantity};
+use super::text::Text;
+use super::{CliError, Exit, Output, table, write};
+use deaflow_base::{Dimension, with_minus};
+use deaflow_fit::{
+    Candidate, Curve, CurveResiduals, Estimate, Fit, FitError, Law, LawKind, Options, Outlier, Parameter, Relaxation,
+    RelaxationFit, Sigma, Test, Verdict, compare, fit_relaxation,
+};
+use deaflow_report::figures::{FittedCurve, fit_sheet};
+use deaflow_scene::Scene;
+use deaflow_stage::direct;
+use measured::{Measured, Noise, read};
+
+/// The laws that are compared without `--law`.
+const LAWS: [LawKind; 8] = [
+    LawKind::NeoHookean,
+    LawKind::Gent,
+    LawKind::Yeoh,
+    LawKind::MooneyRivlin,
+    LawKind::ArrudaBoyce,
+    LawKind::Ogden(1),
+    LawKind::Ogden(2),
+    LawKind::Ogden(3),
+];
+
+/// The most branches that are compared.
+const MOST_BRANCHES: u64 = 6;
+
+/// The largest number of outliers that are listed.
+const OUTLIERS: usize = 5;
+
+/// Fit the elastomer of a scene to measured curves
+#[derive(Debug, Args)]
+#[command(after_help = examples!(
+    "deaflow fit scene.yaml uniaxial=ut.csv equibiaxial=et.csv -o fitted.yaml",
+    "deaflow fit scene.yaml uniaxial=ut.csv --law gent --sigma \"3 %\"",
+    "deaflow fit fitted.yaml uniaxial=relaxation.csv -o creeping.yaml",
+))]
+pub struct FitArguments {
+    /// The scene whose elastomer is fitted: a YAML file of a scene, or of a pipeline that has one
+    pub scene: PathBuf,
+    /// Measured curves, uniaxial=FILE, equibiaxial=FILE or pure-shear=FILE: tables with the columns stretch and
+    /// nominal_stress_kPa; with a column time_s, relaxation after a step
+    #[arg(value_name = "TEST=FILE", required = true, value_parser = measured_file)]
+    files: Vec<MeasuredFile>,
+    /// A law to fit: neo-hookean, gent, yeoh, mooney-rivlin, arruda-boyce, ogden or ogden:N with N terms; several are
+    /// compared [default: all, ogden with 1 to 3 terms]
+    #[arg(long = "law", value_name = "LAW", value_parser = law)]
+    laws: Vec<LawKind>,
+    /// Standard deviation of the stresses of files without a column sigma_kPa, as in "3 %" or "2 kPa" [default:
+    /// unknown]
+    #[arg(long, value_name = "SIGMA", value_parser = sigma, conflicts_with = "absolute")]
+    sigma: Option<StatedSigma>,
+    /// Take the unknown noise as equal at all points, and not in proportion to the stress
+    #[arg(long)]
+    absolute: bool,
+    /// The largest number of viscoelastic branches, which relaxation compares
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = integer::<u64>(0..=MOST_BRANCHES))]
+    branches: u64,
+    /// The file for the scene with the fitted elastomer; the figure OUT.png is drawn next to it [default: none, results
+    /// are only printed]
+    #[arg(short, long, value_name = "OUT.yaml")]
+    output: Option<PathBuf>,
+}
+
+/// A file with its test.
+#[derive(Clone, Debug)]
+struct MeasuredFile {
+    test: Test,
+    name: String,
+}
+
+/// A stated standard deviation.
+#[derive(Clone, Copy, Debug)]
+struct StatedSigma(Noise);
+
+/// The words of tests.
+const TESTS: [(&str, Test); 3] = [
+    ("uniaxial", Test::Uniaxial),
+    ("equibiaxial", Test::Equibiaxial),
+    ("pure-shear", Test::PureShear),
+];
+
+fn measured_file(text: &str) -> Result<MeasuredFile, String> {
+    let tests = || TESTS.map(|(word, _)| word).join(", ");
+    let Some((word, name)) = text.split_once('=') else {
+        return Err(format!("name the test, as in uniaxial={text}; allowed: {}", tests()));
+    };
+    match TESTS.iter().find(|(known, _)| *known == word) {
+        Some((_, test)) => Ok(MeasuredFile {
+            test: *test,
+            name: name.to_owned(),
+        }),
+        None => Err(format!("{word} is no test; allowed: {}", tests())),
+    }
+}
+
+fn law(text: &str) -> Result<LawKind, String> {
+    let (name, terms) = text.split_once(':').unwrap_or((text, ""));
+    match (name, terms) {
+        ("ogden", "") => Ok(LawKind::Ogden(2)),
+        ("ogden", "1" | "2" | "3") => Ok(LawKind::Ogden(usize::from(terms.as_bytes()[0] - b'0'))),
+        (_, "") => LAWS.into_iter().find(|known| known.name() == name).ok_or(()),
+        _ => Err(()),
+    }
+    .map_err(|()| "allowed: neo-hookean, gent, yeoh, mooney-rivlin, arruda-boyce, ogden, ogden:1 to ogden:3".to_owned())
+}
+
+fn sigma(text: &str) -> Result<StatedSigma, String> {
+    let noise = match text.trim().strip_suffix('%') {
+        Some(percent) => {
+            let percent = percent.trim().parse::<f64>();
+            Noise::Share(0.01 * percent.map_err(|_| format!("{text:?} is no percentage"))?)
+        }
+        None => Noise::Stress(quantity(text, Dimension::Stress)?.value()),
+    };
+    let (Noise::Share(value) | Noise::Stress(value)) = noise else {
+        return Err("allowed: a percentage or a stress".to_owned());
+    };
+    match value > 0.0 && value.is_finite() {
+        true => Ok(StatedSigma(noise)),
+        false => Err(format!("{text:?} is not positive")),
+    }
+}
+
+/// What was fitted.
+enum Fitted {
+    Laws(Vec<Curve>, Vec<Candidate>),
+    Branches(Vec<Relaxation>, Vec<RelaxationFit>),
+}
+
+pub fn execute(arguments: &FitArguments, output: &Output) -> Result<Exit, CliError> {
+    let names: Vec<String> = arguments.files.iter().map(|file| file.name.clone()).collect();
+    if let Some(file) = &arguments.output {
+        let inputs = [names, direct::files_read(&arguments.scene)].concat();
+        write::check_output(file, &inputs)?;
+        write::check_not_read(&file.with_extension("png"), &inputs)?;
+    }
+    let scene = direct::read_scene(&arguments.scene)?;
+    let fitted = fit(arguments)?;
+    let (Some(sets), mut warnings) = (fitted.sets(&scene), fitted.warnings()) else {
+        return Err(CliError::bad_input("no law fits the curves").help(fitted.verdicts().join("; ")));
+    };
+    let changes = direct::Changes {
+        sets: &sets,
+        voltage: None,
+    };
+    // A law may not reach the prestretch of the scene.
+    let own = match direct::read_scene_with(&arguments.scene, changes) {
+        Ok(read) => Some(read.scene),
+        Err(error) if arguments.output.is_some() => return Err(error.into()),
+        Err(error) => {
+            warnings.push(format!("the scene cannot have the fitted elastomer: {error}"));
+            None
+        }
+    };
+    warnings.iter().for_each(|warning| output.warn(warning));
+    let mut files = Vec::new();
+    if let Some((file, own)) = arguments.output.as_ref().zip(own.as_ref()) {
+        write::file(file, fitted.yaml(own, &arguments.files).as_bytes())?;
+        files.push(file.clone());
+        let draw = |path: &Path| fitted.draw(path);
+        files.extend(write::drawn(file.with_extension("png"), draw, output));
+    }
+    let files: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
+    let document = || {
+        let mut document = fitted.document();
+        document["scene"] = json!(own.as_ref().map(Scene::to_text));
+        document["files"] = json!(files);
+        document["warnings"] = json!(warnings);
+        document
+    };
+    output.result(document, || {
+        let mut text = fitted.text();
+        files.iter().for_each(|file| {
+            text.line(file);
+        });
+        text
+    })
+}
+
+/// Reads the files and fits them.
+fn fit(arguments: &FitArguments) -> Result<Fitted, CliError> {
+    let noise = match (arguments.sigma, arguments.absolute) {
+        (Some(StatedSigma(noise)), _) => noise,
+        (None, true) => Noise::Absolute,
+        (None, false) => Noise::Relative,
+    };
+    let (mut curves, mut relaxations) = (Vec::new(), Vec::new());
+    for file in &arguments.files {
+        match read(&file.name, file.test, noise)? {
+            Measured::Curve(curve) => curves.push(curve),
+            Measured::Relaxation(relaxation) => relaxations.push(relaxation),
+        }
+    }
+    let refused = |error: FitError| CliError::bad_input(error.to_string());
+    let options = Options::default();
+    match (curves.is_empty(), relaxations.is_empty()) {
+        (false, true) => {
+            let laws = match arguments.laws.is_empty() {
+                true => &LAWS[..],
+                false => &arguments.laws,
+            };
+            let found = compare(&curves, laws, &options).map_err(refused)?;
+            Ok(Fitted::Laws(curves, found))
+        }
+        (true, false) => {
+            let found = fit_relaxation(&relaxations, arguments.branches as usize, &options).map_err(refused)?;
+            Ok(Fitted::Branches(relaxations, found))
+        }
+        _ => Err(
+            CliError::bad_input("curves at equilibrium and relaxation cannot be fitted at once")
+                .help("fit the law first, then the relaxation with the fitted scene"),
+        ),
+    }
+}
+
+/// A parameter and the factor and the unit in which people read it.
+fn unit_of(name: &str) -> (f64, &'static str) {
+    let base = name.split('_').next().unwrap_or(name);
+    match base {
+        "shear" | "g" | "c2" | "c3" => (1e-3, " kPa"),
+        "tau" => (1.0, " s"),
+        _ => (1.0, ""),
+    }
+}
+
+/// Returns four significant digits.
+fn digits(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return with_minus(&value.to_string()).replace("inf", "∞");
+    }
+    let decimals = 3 - value.abs().log10().floor() as i32;
+    match (-2..=9).contains(&decimals) {
+        true => with_minus(&format!("{value:.*}", decimals.max(0) as usize)),
+        false => with_minus(&format!("{value:.3e}")),
+    }
+}
+
+/// Writes a parameter with its interval of 95 %.
+fn with_interval(parameter: &Parameter) -> String {
+    let (factor, unit) = unit_of(&parameter.name);
+    let value = |value: f64| digits(factor * value);
+    let interval = match parameter.profile.or(parameter.interval) {
+        Some((low, high)) => format!(" ({} to {})", value(low), value(high)),
+        None if parameter.at_bound => " (at its bound)".to_owned(),
+        None => String::new(),
+    };
+    format!("{} {}{unit}{interval}", parameter.name, value(parameter.value))
+}
+
+/// Rounds a value to a thousandth of its standard error, so that another processor gives the same scene.
+fn rounded(parameter: &Parameter) -> f64 {
+    let error = parameter.standard_error.map(|error| match parameter.logarithmic {
+        true => error * parameter.value.abs(),
+        false => error,
+    });
+    let step = 1e-3
+        * error
+            .filter(|error| *error > 0.0)
+            .unwrap_or(1e-6 * parameter.value.abs());
+    let decimals = (-step.log10().floor()).clamp(0.0, 15.0) as usize;
+    let text = format!("{:.decimals$}", parameter.value);
+    text.parse().unwrap_or(parameter.value)
+}
+
+/// Writes the root mean square of residuals.
+fn root_mean_square(value: f64, sigma: &Sigma) -> String {
+    match sigma {
+        Sigma::Stated(_) | Sigma::StatedFraction(_) => format!("{} σ", digits(value)),
+        Sigma::UnstatedRelative => format!("{} %", digits(100.0 * value)),
+        Sigma::UnstatedAbsolute => format!("{} kPa", digits(1e-3 * value)),
+    }
+}
+
+/// Writes how far the model is from the data: χ² per degree of freedom, or the root mean square of the residuals.
+fn misfit(estimate: &Estimate, sigma: &Sigma) -> String {
+    let (sum, dof) = (estimate.sum_of_squares, estimate.degrees_of_freedom as f64);
+    match estimate.stated {
+        true => format!("χ²/dof {}", digits(sum / dof)),
+        false => root_mean_square((sum / estimate.points as f64).sqrt(), sigma),
+    }
+}
+
+fn outlier(outlier: &Outlier) -> String {
+    format!(
+        "{}, row {}: {} standard deviations",
+        outlier.curve,
+        outlier.row,
+        digits(outlier.deviations)
+    )
+}
+
+impl Fitted {
+    /// The best law that is stable and has parameters of its own, if any.
+    fn chosen_law(&self) -> Option<&Fit> {
+        let Self::Laws(_, candidates) = self else { return None };
+        let usable = |fit: &&Fit| {
+            !matches!(
+                fit.verdict,
+                Verdict::Unstable(..) | Verdict::ReducesTo(_) | Verdict::NotConverged
+            )
+        };
+        candidates
+            .iter()
+            .filter_map(|found| found.fit.as_ref().ok())
+            .find(usable)
+    }
+
+    /// Returns the law whose largest error at a test that is left out is the least, if it is not the chosen one.
+    fn better_left_out(&self) -> Option<LawKind> {
+        let Self::Laws(_, candidates) = self else { return None };
+        let worst = |found: &Candidate| -> Option<f64> {
+            let errors: Option<Vec<f64>> = found.left_out.iter().map(|(_, error)| *error).collect();
+            errors?.into_iter().reduce(f64::max)
+        };
+        let known = candidates.iter().filter_map(|found| Some((worst(found)?, found.kind)));
+        let (_, best) = known.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(best).filter(|best| Some(*best) != self.chosen_law().map(|fit| fit.law.kind()))
+    }
+
+    /// Returns the overrides that make a scene have the fitted elastomer.
+    fn sets(&self, scene: &Scene) -> Option<Vec<String>> {
+        let section = if scene.auto { "properties" } else { "effects" };
+        let (modulus, key, value) = match self {
+            Self::Laws(..) => {
+                let fit = self.chosen_law()?;
+                let values: Vec<f64> = fit.estimate.parameters.iter().map(rounded).collect();
+                let law = fit.law.kind().with(&values)?;
+                let has_law = match scene.auto {
+                    true => scene.properties.strain_stiffening.is_some(),
+                    false => scene.effects.strain_stiffening.is_some(),
+                };
+                let value = match stiffening(&law) {
+                    None if !has_law => None,
+                    value => Some(value.unwrap_or_else(|| "null".to_owned())),
+                };
+                (shear_modulus(&law), "strain_stiffening", value)
+            }
+            Self::Branches(_, fits) => {
+                let parameters = &fits.first()?.estimate.parameters;
+                let (modulus, branches) = parameters.split_first()?;
+                let branch = |pair: &[Parameter]| {
+                    let [g, tau] = [&pair[0], &pair[1]].map(rounded);
+                    format!("{{ modulus: {g} Pa, time: {tau} s }}")
+                };
+                let branches: Vec<String> = branches.chunks_exact(2).map(branch).collect();
+                let value = (!branches.is_empty()).then(|| format!("{{ branches: [{}] }}", branches.join(", ")));
+                (rounded(modulus), "viscoelasticity", value)
+            }
+        };
+        let modulus = format!("material.shear_modulus={modulus} Pa");
+        let law = value.map(|value| format!("{section}.{key}={value}"));
+        Some(std::iter::once(modulus).chain(law).collect())
+    }
+
+    /// What a user should know before using the fit.
+    fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        let outliers = match self {
+            Self::Laws(..) => {
+                let Some(fit) = self.chosen_law() else {
+                    return warnings;
+                };
+                if fit.verdict != Verdict::Determined {
+                    warnings.push(format!("{}: {}", fit.law.kind().name(), fit.verdict));
+                }
+                warnings.extend(fit.stability.falling.iter().map(|(test, from, to)| {
+                    format!(
+                        "the nominal stress of a {} test falls from a stretch of {} to {}: unstable under a dead load",
+                        test.name(),
+                        digits(*from),
+                        digits(*to)
+                    )
+                }));
+                &fit.outliers
+            }
+            Self::Branches(_, fits) => {
+                let Some(fit) = fits.first() else { return warnings };
+                if fit.verdict != Verdict::Determined {
+                    warnings.push(fit.verdict.to_string());
+                }
+                &fit.outliers
+            }
+        };
+        warnings.extend(
+            outliers
+                .iter()
+                .take(OUTLIERS)
+                .map(|found| format!("outlier: {}", outlier(found))),
+        );
+        if outliers.len() > OUTLIERS {
+            warnings.push(format!("{} more outliers", outliers.len() - OUTLIERS));
+        }
+        warnings
+    }
+
+    /// What was found about each law.
+    fn verdicts(&self) -> Vec<String> {
+        match self {
+            Self::Laws(_, candidates) => candidates
+                .iter()
+                .map(|found| match &found.fit {
+                    Ok(fit) => format!("{}: {}", named(found.kind), fit.verdict),
+                    Err(error) => format!("{}: {error}", named(found.kind)),
+                })
+                .collect(),
+            Self::Branches(..) => Vec::new(),
+        }
+    }
+
+    fn text(&self) -> Text {
+        match self {
+            Self::Laws(curves, candidates) => {
+                let sigma = &curves[0].sigma;
+                let tests: Vec<Test> = candidates
+                    .first()
+                    .map(|found| found.left_out.iter().map(|(test, _)| *test).collect())
+                    .unwrap_or_default();
+                let left_out: Vec<String> = tests.iter().map(|test| format!("without {}", test.name())).collect();
+                let header: Vec<&str> = ["law", "parameters (95 %)", "misfit", "AICc"]
+                    .into_iter()
+                    .chain(left_out.iter().map(String::as_str))
+                    .chain(["verdict"])
+                    .collect();
+                let mut table = table::table(&header, &["misfit", "AICc"]).flowing(&["parameters (95 %)", "verdict"]);
+                let best = candidates.first().map_or(0.0, Candidate::aicc);
+                for found in candidates {
+                    let mut row = vec![named(found.kind)];
+                    match &found.fit {
+                        Ok(fit) => {
+                            let parameters: Vec<String> = fit.estimate.parameters.iter().map(with_interval).collect();
+                            row.extend([
+                                parameters.join("\n"),
+                                misfit(&fit.estimate, sigma),
+                                format!("+{}", digits(found.aicc() - best)),
+                            ]);
+                        }
+                        Err(_) => row.extend(["–", "–", "–"].map(str::to_owned)),
+                    }
+                    let left_out = found.left_out.iter().map(|(_, error)| *error);
+                    row.extend(
+                        left_out.map(|error| error.map_or("–".to_owned(), |error| root_mean_square(error, sigma))),
+                    );
+                    row.push(match &found.fit {
+                        Ok(fit) => fit.verdict.to_string(),
+                        Err(error) => error.to_string(),
+                    });
+                    table.add_row(row);
+                }
+                let mut text = Text::of(table);
+                text.line("AICc: above the best; without: root mean square at a test after a fit to the others");
+                if let Some(fit) = self.chosen_law() {
+                    text.line(format!("chosen: {}", named(fit.law.kind())));
+                }
+                if let Some(other) = self.better_left_out() {
+                    let other = named(other);
+                    text.line(format!(
+                        "{other} is better at tests that are left out: the curves do not decide"
+                    ));
+                }
+                text
+            }
+            Self::Branches(curves, fits) => {
+                let sigma = &curves[0].sigma;
+                let header = ["branches", "parameters (95 %)", "misfit", "AICc", "verdict"];
+                let mut table = table::table(&header, &["misfit", "AICc"]).flowing(&["parameters (95 %)", "verdict"]);
+                let best = fits.first().map_or(0.0, |fit| fit.estimate.information.aicc);
+                for fit in fits {
+                    let parameters: Vec<String> = fit.estimate.parameters.iter().map(with_interval).collect();
+                    table.add_row([
+                        fit.branches().to_string(),
+                        parameters.join("\n"),
+                        misfit(&fit.estimate, sigma),
+                        format!("+{}", digits(fit.estimate.information.aicc - best)),
+                        fit.verdict.to_string(),
+                    ]);
+                }
+                Text::of(table)
+            }
+        }
+    }
+
+    fn document(&self) -> Value {
+        match self {
+            Self::Laws(_, candidates) => {
+                let law = |found: &Candidate| {
+                    let mut law = match &found.fit {
+                        Ok(fit) => estimate_document(&fit.estimate, &fit.verdict, &fit.residuals, &fit.outliers),
+                        Err(error) => json!({ "error": error.to_string() }),
+                    };
+                    let left_out = found
+                        .left_out
+                        .iter()
+                        .map(|(test, error)| (test.name().to_owned(), json!(error)));
+                    law["law"] = json!(named(found.kind));
+                    law["left_out"] = Value::Object(left_out.collect());
+                    law
+                };
+                json!({
+                    "laws": candidates.iter().map(law).collect::<Vec<_>>(),
+                    "chosen": self.chosen_law().map(|fit| named(fit.law.kind())),
+                })
+            }
+            Self::Branches(_, fits) => {
+                let fit = |fit: &RelaxationFit| {
+                    let mut found = estimate_document(&fit.estimate, &fit.verdict, &fit.residuals, &fit.outliers);
+                    found["branches"] = json!(fit.branches());
+                    found
+                };
+                json!({
+                    "relaxation": fits.iter().map(fit).collect::<Vec<_>>(),
+                    "chosen": fits.first().map(RelaxationFit::branches),
+                })
+            }
+        }
+    }
+
+    /// Returns the fitted scene, with a comment on its source.
+    fn yaml(&self, scene: &Scene, files: &[MeasuredFile]) -> String {
+        let estimate = match self {
+            Self::Laws(..) => self.chosen_law().map(|fit| &fit.estimate),
+            Self::Branches(_, fits) => fits.first().map(|fit| &fit.estimate),
+        };
+        let parameters = estimate.iter().flat_map(|estimate| &estimate.parameters);
+        let parameters: Vec<String> = parameters.map(with_interval).collect();
+        let files: Vec<String> = files
+            .iter()
+            .map(|file| format!("{} ({})", file.name, file.test.name()))
+            .collect();
+        format!(
+            "# The elastomer is fitted by `deaflow fit` to {}.\n# With intervals of 95 %: {}.\n{}",
+            files.join(", "),
+            parameters.join("; "),
+            scene.to_yaml()
+        )
+    }
+
+    /// Draws the measured points and the chosen fit.
+    fn draw(&self, path: &Path) -> Result<(), deaflow_report::figures::FigureError> {
+        const POINTS: usize = 100;
+        let between = |low: f64, high: f64| (0..=POINTS).map(move |k| low + (high - low) * k as f64 / POINTS as f64);
+        let pairs = |x: &[f64], y: &[f64]| x.iter().copied().zip(y.iter().map(|y| 1e-3 * y)).collect::<Vec<_>>();
+        let (title, label, curves): (String, &str, Vec<FittedCurve>) = match self {
+            Self::Laws(curves, _) => {
+                let law = self.chosen_law().map(|fit| &fit.law);
+                let of = |curve: &Curve| {
+                    let largest = curve.stretch.iter().copied().fold(1.0, f64::max);
+                    let smallest = curve.stretch.iter().copied().fold(1.0, f64::min);
+                    let fitted = between(smallest, largest)
+                        .filter_map(|stretch| Some((stretch, 1e-3 * law?.nominal_stress(curve.test, stretch)?)));
+                    FittedCurve {
+                        name: format!("{} ({})", curve.name, curve.test.name()),
+                        measured: pairs(&curve.stretch, &curve.stress_pa),
+                        fitted: fitted.collect(),
+                    }
+                };
+                let name = law.map_or_else(String::new, |law| named(law.kind()));
+                (name, "stretch", curves.iter().map(of).collect())
+            }
+            Self::Branches(curves, fits) => {
+                let of = |curve: &Relaxation| {
+                    let latest = curve.time_s.iter().copied().fold(0.0, f64::max);
+                    let stress = |time: f64| Some(1e-3 * fits.first()?.stress(curve.test, curve.stretch, time));
+                    FittedCurve {
+                        name: format!(
+                            "{} ({}, stretch {})",
+                            curve.name,
+                            curve.test.name(),
+                            digits(curve.stretch)
+                        ),
+                        measured: pairs(&curve.time_s, &curve.stress_pa),
+                        fitted: between(0.0, latest)
+                            .filter_map(|time| Some((time, stress(time)?)))
+                            .collect(),
+                    }
+                };
+                ("relaxation".to_owned(), "time, s", curves.iter().map(of).collect())
+            }
+        };
+        fit_sheet(&title, [label, "nominal stress, kPa"], &curves)?.write_png(path)
+    }
+}
+
+/// Returns the name of a law with its number of terms.
+fn named(kind: LawKind) -> String {
+    match kind {
+        LawKind::Ogden(terms) => format!("ogden:{terms}"),
+        kind => kind.name().to_owned(),
+    }
+}
+
+fn estimate_document(
+    estimate: &Estimate,
+    verdict: &Verdict,
+    residuals: &[CurveResiduals],
+    outliers: &[Outlier],
+) -> Value {
+    // Open ends have no number in JSON.
+    let ends = |ends: (f64, f64)| [ends.0, ends.1].map(|end| end.is_finite().then_some(end));
+    let parameter = |parameter: &Parameter| {
+        json!({
+            "name": parameter.name,
+            "value": parameter.value,
+            "standard_error": parameter.standard_error,
+            "is_of_logarithm": parameter.logarithmic,
+            "interval": parameter.interval.map(ends),
+            "profile": parameter.profile.map(ends),
+            "at_bound": parameter.at_bound,
+        })
+    };
+    let residual = |own: &CurveResiduals| json!({ "file": own.name, "values": own.residuals });
+    json!({
+        "parameters": estimate.parameters.iter().map(parameter).collect::<Vec<_>>(),
+        "points": estimate.points,
+        "degrees_of_freedom": estimate.degrees_of_freedom,
+        "sum_of_squares": estimate.sum_of_squares,
+        "sigma_stated": estimate.stated,
+        "aicc": Some(estimate.information.aicc).filter(|aicc| aicc.is_finite()),
+        "bic": estimate.information.bic,
+        "verdict": verdict.to_string(),
+        "residuals": residuals.iter().map(residual).collect::<Vec<_>>(),
+        "outliers": outliers.iter().map(|own| json!({
+            "file": own.curve,
+            "row": own.row,
+            "deviations": own.deviations,
+        })).collect::<Vec<_>>(),
+    })
+}
+
+/// Returns the shear modulus of a scene with a law, in Pa.
+fn shear_modulus(law: &Law) -> f64 {
+    match law {
+        Law::NeoHookean { shear_modulus }
+        | Law::Gent { shear_modulus, .. }
+        | Law::Yeoh { shear_modulus, .. }
+        | Law::MooneyRivlin { shear_modulus, .. }
+        | Law::ArrudaBoyce { shear_modulus, .. } => *shear_modulus,
+        Law::Ogden(terms) => terms.iter().map(|term| term.shear_modulus).sum(),
+    }
+}
+
+/// Returns a law as `strain_stiffening` of a scene; `None` for the base model.
+fn stiffening(law: &Law) -> Option<String> {
+    Some(match law {
+        Law::NeoHookean { .. } => return None,
+        Law::Gent { jm, .. } => format!("{{ model: gent, jm: {jm} }}"),
+        Law::Yeoh { c2, c3, .. } => format!("{{ model: yeoh, c2: {c2} Pa, c3: {c3} Pa }}"),
+        Law::MooneyRivlin { c2, .. } => format!("{{ model: mooney-rivlin, c2: {c2} Pa }}"),
+        Law::ArrudaBoyce { locking_stretch, .. } => {
+            format!("{{ model: arruda-boyce, locking_stretch: {locking_stretch} }}")
+        }
+        Law::Ogden(terms) => {
+            // A modulus with nine digits agrees with the rounded parts of the shear modulus.
+            let term = |term: &deaflow_fit::OgdenTerm| format!("{{ mu: {:.8e} Pa, alpha: {} }}", term.mu(), term.alpha);
+            let terms: Vec<String> = terms.iter().map(term).collect();
+            format!("{{ model: ogden, terms: [{}] }}", terms.join(", "))
+        }
+    })
+}

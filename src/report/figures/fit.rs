@@ -1,0 +1,41 @@
+//! Measured curves beside a fitted law.
+
+use crate::drawing::{Axis, Chart, FigureError, LARGE, Mark, Series, Sheet};
+
+/// A measured curve beside the fitted one.
+#[derive(Clone, Debug)]
+pub struct FittedCurve {
+    /// Its name.
+    pub name: String,
+    /// The measured points.
+    pub measured: Vec<(f64, f64)>,
+    /// The fitted curve.
+    pub fitted: Vec<(f64, f64)>,
+}
+
+/// Draws measured points as dots and the fitted curves as lines, each pair in one colour.
+///
+/// # Errors
+/// If there is no point, or a number is not finite.
+pub fn fit_sheet(title: &str, labels: [&str; 2], curves: &[FittedCurve]) -> Result<Sheet, FigureError> {
+    let points = || {
+        curves
+            .iter()
+            .flat_map(|curve| curve.measured.iter().chain(&curve.fitted))
+    };
+    if points().next().is_none() || points().any(|(x, y)| !x.is_finite() || !y.is_finite()) {
+        return Err(FigureError::Data("a fit needs points with finite numbers".into()));
+    }
+    let (across, up): (Vec<f64>, Vec<f64>) = points().copied().unzip();
+    let series = Series::coloured(curves).flat_map(|(curve, colour)| {
+        [
+            Series::new(&curve.name, colour, Mark::Dots, curve.measured.clone()),
+            Series::new("", colour, Mark::Line, curve.fitted.clone()),
+        ]
+    });
+    let axes = [Axis::between(labels[0], &across), Axis::between(labels[1], &up)];
+    Ok(Sheet::charts(
+        1,
+        &[Chart::new(title, axes, series.collect()).with_size(LARGE)],
+    ))
+}
