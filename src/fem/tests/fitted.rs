@@ -496,3 +496,64 @@ fn corners_of_cells_have_the_values_of_linear_fields() {
         }
     }
 }
+
+/// A device on a rectangle with an electrode whose edges elements follow.
+fn with_electrode(size: &str, cells: &str, sides: Point, region: &Polygons) -> Scene {
+    let scene = scene(&format!("size: {size}, cells: {cells}, prestretch: 3"));
+    let electrodes = deaflow_pattern::Electrodes::new(&[(1, region.clone())], sides);
+    let bare = Pattern::from_fn(scene.membrane().raster, |_, _| false);
+    let pattern = bare.with_electrodes(Some(Arc::new(electrodes)));
+    scene.with_electrodes_of(&pattern).into_owned()
+}
+
+#[test]
+fn rasters_that_are_not_square_have_fitted_electrodes_too() {
+    let region = Polygons::new(&[ellipse([31.0, 14.0], [11.3, 6.7], 20.0)]);
+    let exchanged = Polygons::new(&[ellipse([14.0, 31.0], [6.7, 11.3], -20.0)]);
+    for (mesh, most) in [(Mesh::bilinear(1), 5e-3), (Mesh::biquadratic(1), 1e-3)] {
+        let options = SolveOptions { mesh, tolerance: 1e-11 };
+        let field = |scene: &Scene| {
+            let solver = MembraneSolver::new(scene, options).unwrap();
+            let bare = Pattern::from_fn(scene.membrane().raster, |_, _| false);
+            let solution = solver.solve(&bare);
+            assert!(solution.outcome.is_converged(), "{mesh}: {:?}", solution.outcome);
+            solver.field(&solution)
+        };
+        let wide = field(&with_electrode("[60 mm, 30 mm]", "[40, 16]", [60.0, 30.0], &region));
+        let high = field(&with_electrode("[30 mm, 60 mm]", "[16, 40]", [30.0, 60.0], &exchanged));
+        let mut worst = 0.0_f64;
+        for (x, y) in (0..=16).flat_map(|y| (0..=40).map(move |x| (x, y))) {
+            let ([a, b], [c, d]) = (wide.at_corner(x, y), high.at_corner(y, x));
+            worst = worst.max((a - d).abs()).max((b - c).abs());
+        }
+        assert!(worst < most * wide.max_magnitude(), "{mesh}: {worst:e}");
+    }
+}
+
+#[test]
+fn electrodes_that_elements_lose_are_refused_and_straight_edges_are_followed() {
+    let grid = |region: &Polygons| {
+        let scene = with_electrode("[50 mm, 50 mm]", "20", [50.0; 2], region);
+        Grid::fitted(Mesh::bilinear(1), &Sheet::of(&scene))
+    };
+    let bar = |low: Point, high: Point| Polygons::new(&[vec![low, [high[0], low[1]], high, [low[0], high[1]]]]);
+    let large = disc([12.0, 36.0], 5.0);
+    for lost in [
+        disc([26.2, 26.2], 0.3),
+        bar([5.0, 25.0], [45.0, 25.007]),
+        large.union(&disc([31.3, 31.2], 0.12)),
+        large.without(&disc([12.4, 36.3], 0.2)),
+    ] {
+        let error = grid(&lost).unwrap_err().to_string();
+        assert!(
+            error.contains("smaller than its shape") || error.contains("larger than its shape"),
+            "{error}"
+        );
+        assert!(error.contains(", near ["), "{error}");
+    }
+    for offset in 0..25 {
+        let edge = 24.0 + 0.1 * f64::from(offset);
+        assert!(grid(&bar([-1.0, -1.0], [edge, 52.0])).is_ok(), "{edge}");
+        assert!(grid(&bar([-1.0, -1.0], [52.0, edge])).is_ok(), "{edge}");
+    }
+}
