@@ -17,6 +17,8 @@ mod solution;
 mod stability;
 mod starts;
 mod statistics;
+#[cfg(test)]
+mod tests;
 
 pub use compare::{Candidate, compare};
 pub use curve::{Curve, FitError, Sigma};

@@ -34,7 +34,7 @@ pub enum Measured {
 
 /// The columns of a file.
 struct Columns {
-    stretch: (usize, Strain),
+    stretch: (usize, Deformation),
     stress: (usize, f64, bool),
     sigma: Option<(usize, f64)>,
     time: Option<usize>,
@@ -42,13 +42,13 @@ struct Columns {
 
 /// How the deformation is given.
 #[derive(Clone, Copy)]
-enum Strain {
+enum Deformation {
     Stretch,
     Strain,
     Percent,
 }
 
-impl Strain {
+impl Deformation {
     fn stretch(self, value: f64) -> f64 {
         match self {
             Self::Stretch => value,
@@ -145,9 +145,9 @@ fn columns(header: &[String]) -> Result<Columns, String> {
         }
     };
     let strains = [
-        ("stretch", Strain::Stretch),
-        ("strain", Strain::Strain),
-        ("strain_%", Strain::Percent),
+        ("stretch", Deformation::Stretch),
+        ("strain", Deformation::Strain),
+        ("strain_%", Deformation::Percent),
     ];
     let stretch = strains
         .into_iter()

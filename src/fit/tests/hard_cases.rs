@@ -1,6 +1,6 @@
 //! Curves that do not determine a law, and curves that cannot be fitted.
 
-use deaflow_fit::{
+use crate::{
     Curve, Fit, FitError, Law, LawKind, OgdenTerm, Options, Relaxation, Sigma, Test, Verdict, compare, fit,
     fit_relaxation,
 };

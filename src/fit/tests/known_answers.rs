@@ -1,6 +1,6 @@
 //! Fits against the answers of an independent program (closed forms and scipy's trust-region method, in Python).
 
-use deaflow_fit::{
+use crate::{
     Candidate, Curve, Fit, Law, LawKind, OgdenTerm, Options, Profiles, Relaxation, Sigma, Test, Verdict, compare, fit,
     fit_relaxation,
 };
