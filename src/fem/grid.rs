@@ -163,6 +163,14 @@ impl Grid {
         self
     }
 
+    /// Returns whether another grid has the same inverse Laplacian, that of the rectangle with the same supports:
+    /// mapped elements and electrodes are not in it.
+    #[must_use]
+    pub fn shares_laplacian(&self, other: &Self) -> bool {
+        let of_rectangle = |grid: &Self| (grid.raster, grid.order, grid.axes, grid.sides, grid.rest);
+        of_rectangle(self) == of_rectangle(other) && self.supports == other.supports
+    }
+
     /// Returns the parts of the sheet; `None` if all cells are membrane.
     #[must_use]
     pub fn parts(&self) -> Option<&Parts> {

@@ -39,7 +39,7 @@ impl Laplacian {
     /// As [`Laplacian::new`].
     pub fn shared(grid: &Grid) -> Result<Arc<Self>, SetupError> {
         let known = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut equal = known.iter().filter(|(of, _)| of == grid);
+        let mut equal = known.iter().filter(|(of, _)| of.shares_laplacian(grid));
         let found = equal.find_map(|(_, known)| known.upgrade());
         // It is computed without the lock, which would hold up other grids.
         drop(known);
