@@ -291,6 +291,17 @@ fn misfit(estimate: &Estimate, sigma: &Sigma) -> String {
     }
 }
 
+/// Returns the columns of both tables that describe an estimate; `best` is the least AICc.
+fn columns(estimate: &Estimate, sigma: &Sigma, best: f64) -> [String; 3] {
+    let parameters: Vec<String> = estimate.parameters.iter().map(with_interval).collect();
+    let above = estimate.information.aicc - best;
+    [
+        parameters.join("\n"),
+        misfit(estimate, sigma),
+        format!("+{}", digits(above)),
+    ]
+}
+
 fn outlier(outlier: &Outlier) -> String {
     format!(
         "{}, row {}: {} standard deviations",
@@ -314,6 +325,16 @@ impl Fitted {
             .iter()
             .filter_map(|found| found.fit.as_ref().ok())
             .find(usable)
+    }
+
+    /// Returns what is known about the chosen law or branches.
+    fn chosen(&self) -> Option<(&Estimate, &Verdict, &[Outlier])> {
+        match self {
+            Self::Laws(..) => self
+                .chosen_law()
+                .map(|fit| (&fit.estimate, &fit.verdict, &fit.outliers[..])),
+            Self::Branches(_, fits) => fits.first().map(|fit| (&fit.estimate, &fit.verdict, &fit.outliers[..])),
+        }
     }
 
     /// Returns the law whose largest error at a test that is left out is the least, if it is not the chosen one.
@@ -344,7 +365,12 @@ impl Fitted {
                     None if !has_law => None,
                     value => Some(value.unwrap_or_else(|| "null".to_owned())),
                 };
-                (shear_modulus(&law), "strain_stiffening", value)
+                // That of the other laws is their first parameter, for Arruda and Boyce not the modulus at rest.
+                let modulus = match law {
+                    Law::Ogden(_) => law.modulus_at_rest()?,
+                    _ => *values.first()?,
+                };
+                (modulus, "strain_stiffening", value)
             }
             Self::Branches(_, fits) => {
                 let parameters = &fits.first()?.estimate.parameters;
@@ -365,39 +391,26 @@ impl Fitted {
 
     /// What a user should know before using the fit.
     fn warnings(&self) -> Vec<String> {
-        let mut warnings = Vec::new();
-        let outliers = match self {
-            Self::Laws(..) => {
-                let Some(fit) = self.chosen_law() else {
-                    return warnings;
-                };
-                if fit.verdict != Verdict::Determined {
-                    warnings.push(format!("{}: {}", fit.law.kind().name(), fit.verdict));
-                }
-                warnings.extend(fit.stability.falling.iter().map(|(test, from, to)| {
-                    format!(
-                        "the nominal stress of a {} test falls from a stretch of {} to {}: unstable under a dead load",
-                        test.name(),
-                        digits(*from),
-                        digits(*to)
-                    )
-                }));
-                &fit.outliers
-            }
-            Self::Branches(_, fits) => {
-                let Some(fit) = fits.first() else { return warnings };
-                if fit.verdict != Verdict::Determined {
-                    warnings.push(fit.verdict.to_string());
-                }
-                &fit.outliers
-            }
+        let Some((_, verdict, outliers)) = self.chosen() else {
+            return Vec::new();
         };
-        warnings.extend(
-            outliers
-                .iter()
-                .take(OUTLIERS)
-                .map(|found| format!("outlier: {}", outlier(found))),
-        );
+        let law = self.chosen_law();
+        let mut warnings = Vec::new();
+        if *verdict != Verdict::Determined {
+            let name = law.map_or_else(String::new, |fit| format!("{}: ", fit.law.kind().name()));
+            warnings.push(format!("{name}{verdict}"));
+        }
+        let falling = law.iter().flat_map(|fit| &fit.stability.falling);
+        warnings.extend(falling.map(|(test, from, to)| {
+            format!(
+                "the nominal stress of a {} test falls from a stretch of {} to {}: unstable under a dead load",
+                test.name(),
+                digits(*from),
+                digits(*to)
+            )
+        }));
+        let listed = outliers.iter().take(OUTLIERS);
+        warnings.extend(listed.map(|found| format!("outlier: {}", outlier(found))));
         if outliers.len() > OUTLIERS {
             warnings.push(format!("{} more outliers", outliers.len() - OUTLIERS));
         }
@@ -437,14 +450,7 @@ impl Fitted {
                 for found in candidates {
                     let mut row = vec![named(found.kind)];
                     match &found.fit {
-                        Ok(fit) => {
-                            let parameters: Vec<String> = fit.estimate.parameters.iter().map(with_interval).collect();
-                            row.extend([
-                                parameters.join("\n"),
-                                misfit(&fit.estimate, sigma),
-                                format!("+{}", digits(found.aicc() - best)),
-                            ]);
-                        }
+                        Ok(fit) => row.extend(columns(&fit.estimate, sigma, best)),
                         Err(_) => row.extend(["–", "–", "–"].map(str::to_owned)),
                     }
                     let left_out = found.left_out.iter().map(|(_, error)| *error);
@@ -476,14 +482,9 @@ impl Fitted {
                 let mut table = table::table(&header, &["misfit", "AICc"]).flowing(&["parameters (95 %)", "verdict"]);
                 let best = fits.first().map_or(0.0, |fit| fit.estimate.information.aicc);
                 for fit in fits {
-                    let parameters: Vec<String> = fit.estimate.parameters.iter().map(with_interval).collect();
-                    table.add_row([
-                        fit.branches().to_string(),
-                        parameters.join("\n"),
-                        misfit(&fit.estimate, sigma),
-                        format!("+{}", digits(fit.estimate.information.aicc - best)),
-                        fit.verdict.to_string(),
-                    ]);
+                    let [parameters, misfit, above] = columns(&fit.estimate, sigma, best);
+                    let branches = fit.branches().to_string();
+                    table.add_row([branches, parameters, misfit, above, fit.verdict.to_string()]);
                 }
                 Text::of(table)
             }
@@ -527,11 +528,10 @@ impl Fitted {
 
     /// Returns the fitted scene, with a comment on its source.
     fn yaml(&self, scene: &Scene, files: &[MeasuredFile]) -> String {
-        let estimate = match self {
-            Self::Laws(..) => self.chosen_law().map(|fit| &fit.estimate),
-            Self::Branches(_, fits) => fits.first().map(|fit| &fit.estimate),
-        };
-        let parameters = estimate.iter().flat_map(|estimate| &estimate.parameters);
+        let parameters = self
+            .chosen()
+            .into_iter()
+            .flat_map(|(estimate, ..)| &estimate.parameters);
         let parameters: Vec<String> = parameters.map(with_interval).collect();
         let files: Vec<String> = files
             .iter()
@@ -635,18 +635,6 @@ fn estimate_document(
             "deviations": own.deviations,
         })).collect::<Vec<_>>(),
     })
-}
-
-/// Returns the shear modulus of a scene with a law, in Pa.
-fn shear_modulus(law: &Law) -> f64 {
-    match law {
-        Law::NeoHookean { shear_modulus }
-        | Law::Gent { shear_modulus, .. }
-        | Law::Yeoh { shear_modulus, .. }
-        | Law::MooneyRivlin { shear_modulus, .. }
-        | Law::ArrudaBoyce { shear_modulus, .. } => *shear_modulus,
-        Law::Ogden(terms) => terms.iter().map(|term| term.shear_modulus).sum(),
-    }
 }
 
 /// Returns a law as `strain_stiffening` of a scene; `None` for the base model.

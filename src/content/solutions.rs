@@ -36,7 +36,11 @@ arrays! {
         /// If times were requested, the motion in time; `displacement` is that at the last time.
         history: Option<SolvedHistories> = group("history"),
         /// The patterns without a field.
-        unstable: Unstable = group("unstable", [(sample, unstable_sample), (polygon, unstable_polygon), (vertex, unstable_vertex)]),
+        unstable: Unstable = group("unstable", [
+            (sample, unstable_sample),
+            (polygon, unstable_polygon),
+            (vertex, unstable_vertex)
+        ]),
         /// The scene of the pipeline.
         scene: Scene = attribute("scene"),
         /// The solver in the keys of a solve stage; missing for imported samples.

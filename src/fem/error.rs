@@ -127,7 +127,8 @@ pub enum SetupError {
     },
     /// Borders that elements cannot follow.
     #[error(
-        "elements cannot follow the curves of this device: {0}. Use smaller elements, or `curves: cells` and `edges: cells`"
+        "elements cannot follow the curves of this device: {0}. Use smaller elements, or `curves: cells` and \
+         `edges: cells`"
     )]
     Borders(FitFault),
     /// Elements that follow curves, with an incompatible setting.

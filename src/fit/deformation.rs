@@ -36,6 +36,12 @@ impl Test {
         }
     }
 
+    /// Returns λ₁ − λ₃²/λ₁, to which the stress of the neo-Hookean law is proportional.
+    pub(crate) fn shear(self, stretch: f64) -> f64 {
+        let [_, _, third] = self.squared_stretches(stretch);
+        stretch - third / stretch
+    }
+
     /// Returns the name of the test.
     #[must_use]
     pub fn name(self) -> &'static str {

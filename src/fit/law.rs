@@ -178,7 +178,7 @@ impl Law {
             }
             return Some((stress, gradient));
         }
-        let factor = 2.0 * (stretch - third / stretch);
+        let factor = 2.0 * test.shear(stretch);
         let w = self.invariants(first + second + third)?;
         let gradient = w.by_parameter.iter().map(|[a, b]| factor * (a + second * b)).collect();
         Some((factor * (w.first + second * w.second), gradient))

@@ -61,7 +61,6 @@ impl RelaxationFit {
     /// Returns the nominal stress in Pa at a time in s after a step to a stretch.
     #[must_use]
     pub fn stress(&self, test: Test, stretch: f64, time_s: f64) -> f64 {
-        let [_, _, third] = test.squared_stretches(stretch);
         let values: Vec<f64> = self
             .estimate
             .parameters
@@ -72,7 +71,7 @@ impl RelaxationFit {
         let branches = branches
             .chunks_exact(2)
             .map(|branch| branch[0] * (-time_s / branch[1]).exp());
-        (modulus[0] + branches.sum::<f64>()) * (stretch - third / stretch)
+        (modulus[0] + branches.sum::<f64>()) * test.shear(stretch)
     }
 }
 
@@ -174,10 +173,8 @@ impl<'a> Branches<'a> {
         let modulus = neo_hookean_modulus(points)?;
         let numbered = (1..=branches).flat_map(|i| [format!("g_{i}"), format!("tau_{i}")]);
         let names = std::iter::once("shear_modulus".to_owned()).chain(numbered).collect();
-        let rows = points.counted().map(|row| {
-            let [_, _, third] = row.test.squared_stretches(row.stretch);
-            ((row.stretch - third / row.stretch) / row.scale, row.stress / row.scale)
-        });
+        let rows = points.counted();
+        let rows = rows.map(|row| (row.test.shear(row.stretch) / row.scale, row.stress / row.scale));
         Ok(Self {
             times,
             rows: rows.collect(),

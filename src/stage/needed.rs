@@ -88,7 +88,8 @@ pub fn no_fitted_edges(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'
         while let Some(next) = open.pop_front() {
             if has_fitted_edges(&next) {
                 let message = format!(
-                    "the patterns of `{}` have fitted edges, but a stage of kind `{}` knows the cells of patterns alone",
+                    "the patterns of `{}` have fitted edges, but a stage of kind `{}` knows the cells of patterns \
+                     alone",
                     next.name, stage.kind
                 );
                 let help = format!("use `edges: cells` in `{}`; fitted edges can be solved", next.name);

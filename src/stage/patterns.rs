@@ -91,7 +91,8 @@ parameters! {
         files: Option<Vec<FileName>> [((), 1..=1000)],
         /// The shapes and drawings of one pattern, whose groups may not overlap.
         shapes: Option<Vec<Drawn>> [((), 1..=1000)],
-        /// Whether elements follow the edges of shapes and drawings, or a cell has an electrode if its centre is in one.
+        /// Whether elements follow the edges of shapes and drawings, or a cell has an electrode if its centre is in
+        /// one.
         edges: Edges = Edges::Cells,
     }
     rules(shapes::files_or_shapes)

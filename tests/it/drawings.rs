@@ -163,7 +163,8 @@ fn shapes_are_drawn_and_swept() {
 /// A scene with a disc of 20 mm as membrane, at 5 kV.
 fn disc_scene(curves: &str) -> String {
     format!(
-        "geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50, frame: {{ opening: {{ disc: {{ centre: [25 mm, \
+        "geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50, frame: {{ opening: {{ disc: {{ \
+         centre: [25 mm, \
          25 mm], radius: 20 mm }} }}, curves: {curves} }} }}\nmaterial: {{ model: neo-hookean, shear_modulus: 45 kPa, \
          relative_permittivity: 4.7 }}\ndrive: {{ voltage: 5 kV }}\neffects: {{}}\n"
     )
@@ -243,8 +244,10 @@ fn drawn_electrodes_are_kept_in_artifacts() {
         workspace.write(
             "rings.yaml",
             &format!(
-                "version: 1\nname: rings\nscene: scene.yaml\nstages:\n  own: {{ foreach: {{ r: [9 mm, 10 mm, 10.2 mm] }}, \
-                 kind: patterns, edges: {edges}, shapes: [{{ ring: {{ centre: [25 mm, 25 mm], radii: [3 mm, '${{r}}'] }} }}] }}\n  \
+                "version: 1\nname: rings\nscene: scene.yaml\nstages:\n  own: {{ \
+                 foreach: {{ r: [9 mm, 10 mm, 10.2 mm] }}, \
+                 kind: patterns, edges: {edges}, \
+                 shapes: [{{ ring: {{ centre: [25 mm, 25 mm], radii: [3 mm, '${{r}}'] }} }}] }}\n  \
                  plain: {{ kind: sample, family: blobs, count: 2, seed: 1 }}\n  \
                  solved: {{ kind: solve, needs: [own], gather: true, elements_per_cell: 1 }}\n{more}"
             ),

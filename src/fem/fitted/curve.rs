@@ -34,20 +34,12 @@ pub struct Curve {
 
 /// A part of a region that is a few elements large, or a hole in it.
 pub struct Part {
-    /// Its corners.
-    pub corners: Vec<Point>,
+    /// Its first corner.
+    pub corner: Point,
+    /// The polygon around it.
+    pub outline: Polygons,
     /// Its area; that of a hole is negative.
     pub area: f64,
-}
-
-impl Part {
-    /// Returns whether a point is within it.
-    pub fn contains(&self, [x, y]: Point) -> bool {
-        let next = self.corners.iter().cycle().skip(1);
-        let is_crossed =
-            |([a, b], [c, d]): (&Point, &Point)| (*b > y) != (*d > y) && x < a + (y - b) / (d - b) * (c - a);
-        self.corners.iter().zip(next).filter(|edge| is_crossed(*edge)).count() % 2 == 1
-    }
 }
 
 /// Numbers of pieces in bins.
@@ -141,7 +133,8 @@ impl Curve {
             let own = area - area_before;
             if own.abs() <= SMALL {
                 small_parts.push(Part {
-                    corners: points,
+                    corner: points[0],
+                    outline: Polygons::of_rings(vec![points]),
                     area: own,
                 });
             }
@@ -323,7 +316,7 @@ impl Curve {
 fn without_nested(parts: Vec<Part>) -> Vec<Part> {
     let is_nested = |outer: &Part| {
         let mut others = parts.iter().filter(|other| other.area.signum() != outer.area.signum());
-        others.any(|other| outer.contains(other.corners[0]))
+        others.any(|other| outer.outline.contains(other.corner))
     };
     let nested: Vec<bool> = parts.iter().map(is_nested).collect();
     let pairs = parts.into_iter().zip(nested);

@@ -152,6 +152,11 @@ impl Snapped {
         [first, first + 1, first + columns + 1, first + columns + 2]
     }
 
+    /// Returns the numbers of the halves of a cell; a cell without a split is its first half.
+    fn halves(&self, cell: usize) -> std::ops::Range<usize> {
+        0..1 + usize::from(self.splits[cell].is_some())
+    }
+
     /// Returns the position of a vertex.
     pub fn position(&self, vertex: usize) -> Point {
         self.vertices[vertex]
@@ -190,8 +195,7 @@ impl Snapped {
     pub fn check_areas(&self, curves: &[Curve], area: impl Fn(usize, usize) -> f64) -> Result<(), Misfit> {
         for (number, curve) in curves.iter().enumerate() {
             let cells = (0..self.splits.len()).map(|cell| {
-                let halves = if self.splits[cell].is_some() { 2 } else { 1 };
-                let inside = (0..halves).filter(|half| self.inside[cell][*half][number]);
+                let inside = self.halves(cell).filter(|half| self.inside[cell][*half][number]);
                 inside.map(|half| area(cell, half)).sum::<f64>()
             });
             let lost = curve.area() - cells.sum::<f64>();
@@ -201,7 +205,7 @@ impl Snapped {
             for part in curve.small_parts() {
                 let lost = part.area.abs() - self.area_of_part(number, part, &area);
                 if lost.abs() > LARGEST_LOSS * part.area.abs().min(1.0) {
-                    return Err(Misfit::Area(number, lost * part.area.signum(), Some(part.corners[0])));
+                    return Err(Misfit::Area(number, lost * part.area.signum(), Some(part.corner)));
                 }
             }
         }
@@ -211,25 +215,19 @@ impl Snapped {
     /// Returns the area on the mesh of a small part of a region, or of a small hole in it.
     fn area_of_part(&self, curve: usize, part: &Part, area: &impl Fn(usize, usize) -> f64) -> f64 {
         let range = |axis: usize| {
-            let all = part.corners.iter().map(|corner| corner[axis]);
+            let all = part.outline.rings().iter().flatten().map(|corner| corner[axis]);
             let (low, high) = all.fold((f64::INFINITY, 0.0), |(low, high), at: f64| (at.min(low), at.max(high)));
             let last = self.elements[axis];
             (low.floor() - 1.0).clamp(0.0, last as f64) as usize..((high.ceil() + 1.0).max(0.0) as usize).min(last)
         };
         let (columns, rows) = (range(0), range(1));
         let cells = rows.flat_map(|row| columns.clone().map(move |column| row * self.elements[0] + column));
-        let halves = cells.flat_map(|cell| {
-            let halves = if self.splits[cell].is_some() { 2 } else { 1 };
-            (0..halves).map(move |half| (cell, half))
-        });
+        let halves = cells.flat_map(|cell| self.halves(cell).map(move |half| (cell, half)));
         let within = halves.filter(|&(cell, half)| {
             let vertices = self.vertices_of(cell);
-            let corners: Vec<usize> = match self.splits[cell] {
-                None => vec![0, 1, 2, 3],
-                Some(diagonal) => diagonal.halves()[half].to_vec(),
-            };
+            let corners = corners_of(self.splits[cell], half);
             let points: Vec<Point> = corners.iter().map(|&at| self.vertices[vertices[at]]).collect();
-            self.inside[cell][half][curve] == (part.area > 0.0) && part.contains(middle(&points))
+            self.inside[cell][half][curve] == (part.area > 0.0) && part.outline.contains(middle(&points))
         });
         within.map(|(cell, half)| area(cell, half)).sum()
     }
@@ -472,13 +470,10 @@ impl Snapper<'_> {
                 }
             }
             let diagonal = diagonal.or_else(|| widest(points));
-            let halves = match diagonal {
-                None => [&[0, 1, 2, 3][..]; 2].map(<[usize]>::to_vec),
-                Some(diagonal) => diagonal.halves().map(|half| half.to_vec()),
-            };
-            let inside = halves.map(|half| {
+            let inside = [0, 1].map(|half| {
+                let corners = corners_of(diagonal, half);
                 (0..self.curves.len())
-                    .map(|curve| self.is_inside(curve, half.iter().map(|&at| (vertices[at], points[at])).collect()))
+                    .map(|curve| self.is_inside(curve, corners.iter().map(|&at| (vertices[at], points[at])).collect()))
                     .collect()
             });
             self.snapped.splits.push(diagonal);
@@ -543,6 +538,14 @@ impl Snapper<'_> {
             }
         }
         Ok(best.map(|(_, diagonal)| diagonal))
+    }
+}
+
+/// Returns the corners of a half of a cell by the numbers of its vertices; without a split those of the cell.
+fn corners_of(split: Option<Diagonal>, half: usize) -> Vec<usize> {
+    match split {
+        None => vec![0, 1, 2, 3],
+        Some(diagonal) => diagonal.halves()[half].to_vec(),
     }
 }
 

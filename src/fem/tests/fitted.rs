@@ -371,11 +371,19 @@ fn borders_along_cells_change_nothing() {
     }
 }
 
+/// The scene with drawn electrode groups.
+fn drawn(scene: &Scene, groups: &[(u8, Polygons)]) -> Scene {
+    let electrodes = deaflow_pattern::Electrodes::new(groups, scene.membrane().size_mm);
+    let bare = Pattern::from_fn(scene.membrane().raster, |_, _| false);
+    let pattern = bare.with_electrodes(Some(Arc::new(electrodes)));
+    scene.with_electrodes_of(&pattern).into_owned()
+}
+
 /// A random device with drawn electrodes, of one of several kinds, with the regions of the groups.
 fn random_device(kind: usize, stream: &mut Stream) -> (Scene, Vec<(u8, Polygons)>) {
     let round = "frame: { curves: fitted, opening: { disc: { centre: [25 mm, 25 mm], radius: 20 mm } } }";
-    let body = "frame: { curves: fitted, opening: { disc: { centre: [25 mm, 25 mm], radius: 20 mm } } }, bodies: [{ disc: \
-                { centre: [29 mm, 26 mm], radius: 4.3 mm }, curves: fitted }]";
+    let body = "frame: { curves: fitted, opening: { disc: { centre: [25 mm, 25 mm], radius: 20 mm } } }, bodies: [{ \
+                disc: { centre: [29 mm, 26 mm], radius: 4.3 mm }, curves: fitted }]";
     let cells = "frame: { opening: { disc: { centre: [25 mm, 25 mm], radius: 20 mm } } }";
     let (parts, spread) = match kind {
         0 | 1 | 3 => (round, 12.0),
@@ -435,10 +443,7 @@ fn random_electrodes_keep_their_area_or_are_refused() {
     for kind in 0..8 {
         for trial in 0..10 {
             let (scene, groups) = random_device(kind, &mut stream);
-            let electrodes = deaflow_pattern::Electrodes::new(&groups, [50.0; 2]);
-            let bare = Pattern::from_fn(scene.membrane().raster, |_, _| false);
-            let pattern = bare.with_electrodes(Some(Arc::new(electrodes)));
-            let scene = scene.with_electrodes_of(&pattern).into_owned();
+            let scene = drawn(&scene, &groups);
             let sheet = Sheet::of(&scene);
             let grid = match Grid::fitted(Mesh::biquadratic(1), &sheet) {
                 Ok(grid) => grid,
@@ -469,11 +474,7 @@ fn corners_of_cells_have_the_values_of_linear_fields() {
     let mut stream = Stream::new(3, "corners", 0);
     for kind in (0..8).cycle().take(40) {
         let (scene, groups) = random_device(kind, &mut stream);
-        let electrodes = deaflow_pattern::Electrodes::new(&groups, [50.0; 2]);
-        let bare = Pattern::from_fn(scene.membrane().raster, |_, _| false);
-        let scene = scene
-            .with_electrodes_of(&bare.with_electrodes(Some(Arc::new(electrodes))))
-            .into_owned();
+        let scene = drawn(&scene, &groups);
         for mesh in [Mesh::bilinear(1), Mesh::biquadratic(1)] {
             let Ok(grid) = Grid::fitted(mesh, &Sheet::of(&scene)) else {
                 continue;
@@ -498,12 +499,9 @@ fn corners_of_cells_have_the_values_of_linear_fields() {
 }
 
 /// A device on a rectangle with an electrode whose edges elements follow.
-fn with_electrode(size: &str, cells: &str, sides: Point, region: &Polygons) -> Scene {
+fn with_electrode(size: &str, cells: &str, region: &Polygons) -> Scene {
     let scene = scene(&format!("size: {size}, cells: {cells}, prestretch: 3"));
-    let electrodes = deaflow_pattern::Electrodes::new(&[(1, region.clone())], sides);
-    let bare = Pattern::from_fn(scene.membrane().raster, |_, _| false);
-    let pattern = bare.with_electrodes(Some(Arc::new(electrodes)));
-    scene.with_electrodes_of(&pattern).into_owned()
+    drawn(&scene, &[(1, region.clone())])
 }
 
 #[test]
@@ -519,8 +517,8 @@ fn rasters_that_are_not_square_have_fitted_electrodes_too() {
             assert!(solution.outcome.is_converged(), "{mesh}: {:?}", solution.outcome);
             solver.field(&solution)
         };
-        let wide = field(&with_electrode("[60 mm, 30 mm]", "[40, 16]", [60.0, 30.0], &region));
-        let high = field(&with_electrode("[30 mm, 60 mm]", "[16, 40]", [30.0, 60.0], &exchanged));
+        let wide = field(&with_electrode("[60 mm, 30 mm]", "[40, 16]", &region));
+        let high = field(&with_electrode("[30 mm, 60 mm]", "[16, 40]", &exchanged));
         let mut worst = 0.0_f64;
         for (x, y) in (0..=16).flat_map(|y| (0..=40).map(move |x| (x, y))) {
             let ([a, b], [c, d]) = (wide.at_corner(x, y), high.at_corner(y, x));
@@ -533,7 +531,7 @@ fn rasters_that_are_not_square_have_fitted_electrodes_too() {
 #[test]
 fn electrodes_that_elements_lose_are_refused_and_straight_edges_are_followed() {
     let grid = |region: &Polygons| {
-        let scene = with_electrode("[50 mm, 50 mm]", "20", [50.0; 2], region);
+        let scene = with_electrode("[50 mm, 50 mm]", "20", region);
         Grid::fitted(Mesh::bilinear(1), &Sheet::of(&scene))
     };
     let bar = |low: Point, high: Point| Polygons::new(&[vec![low, [high[0], low[1]], high, [low[0], high[1]]]]);
