@@ -13,6 +13,10 @@ const STEPS: usize = 500;
 /// A step is negligible if it changes the residuals by less than this, relative to the parameters in the norm of D. The
 /// step itself may stay larger along directions that the residuals do not determine.
 const NEGLIGIBLE: f64 = 1e-12;
+/// Damping that leaves a step as it is unless directions have no effect.
+const SLIGHT: f64 = 1e-12;
+/// A minimum is none if the linear model still promises a decrease by more than this, relative to the sum of squares.
+const PROMISED: f64 = 1e-6;
 /// Relative differences of the sum of squares up to this are rounding: then the gradient tells which point is better.
 const ROUNDING: f64 = 1e-13;
 
@@ -94,7 +98,7 @@ pub struct Minimum {
     pub sum_of_squares: f64,
     /// The number of steps, refused ones included.
     pub iterations: usize,
-    /// Whether the last two steps were negligible.
+    /// Whether the last two steps were negligible, and not because parameters without residuals are in the way.
     pub converged: bool,
 }
 
@@ -185,12 +189,24 @@ pub fn minimise(residuals: &Residuals<'_>, start: &[f64], bounds: &Bounds) -> Op
         }
     }
     Some(Minimum {
+        converged: negligible >= 2 && !promises(&state, &scale, bounds),
         point: state.point,
         evaluation: state.evaluation,
         sum_of_squares: state.sum_of_squares,
         iterations,
-        converged: negligible >= 2,
     })
+}
+
+/// Returns whether the linear model promises a decrease that a search which has ended did not find.
+fn promises(state: &State, scale: &[f64], bounds: &Bounds) -> bool {
+    let Some(step) = damped_step(state, scale, SLIGHT, bounds) else {
+        return false;
+    };
+    let moved: Vec<f64> = state.point.iter().zip(&step).map(|(q, d)| q + d).collect();
+    let moved = bounds.project(&moved);
+    let step: Vec<f64> = moved.iter().zip(&state.point).map(|(new, old)| new - old).collect();
+    let slope: f64 = state.gradient.iter().zip(&step).map(|(g, d)| g * d).sum();
+    -(2.0 * slope + state.effect(&step)) > PROMISED * state.sum_of_squares
 }
 
 /// Returns the step of the parameters that can move; `None` if the system is singular to working precision.
@@ -248,6 +264,23 @@ mod tests {
             "{end:?}"
         );
         assert!(minimise(&rosenbrock, &[4.0, 4.0], &within([-9.0; 2], [9.0; 2])).is_none());
+    }
+
+    /// The sum of squares falls up to the edge of q ≤ 1, beyond which there are no residuals.
+    #[test]
+    fn an_edge_is_no_minimum() {
+        let edge = |q: &[f64]| {
+            (q[0] <= 1.0).then(|| Evaluation {
+                residual: vec![2.0 - q[0]],
+                jacobian: Mat::from_fn(1, 1, |_, _| -1.0),
+            })
+        };
+        let bounds = Bounds {
+            lower: vec![-9.0],
+            upper: vec![9.0],
+        };
+        let end = minimise(&edge, &[0.0], &bounds).unwrap();
+        assert!(!end.converged && (end.point[0] - 1.0).abs() < 1e-6, "{end:?}");
     }
 
     /// On the edge q₀ = ½ the minimum is at q₁ = ¼.
