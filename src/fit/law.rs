@@ -147,6 +147,22 @@ impl Law {
         }
     }
 
+    /// Returns the parameters in the order of [`LawKind::parameters`].
+    #[must_use]
+    pub fn values(&self) -> Vec<f64> {
+        match *self {
+            Self::NeoHookean { shear_modulus } => vec![shear_modulus],
+            Self::Gent { shear_modulus, jm } => vec![shear_modulus, jm],
+            Self::Yeoh { shear_modulus, c2, c3 } => vec![shear_modulus, c2, c3],
+            Self::MooneyRivlin { shear_modulus, c2 } => vec![shear_modulus, c2],
+            Self::ArrudaBoyce {
+                shear_modulus,
+                locking_stretch,
+            } => vec![shear_modulus, locking_stretch],
+            Self::Ogden(ref terms) => terms.iter().flat_map(|t| [t.shear_modulus, t.alpha]).collect(),
+        }
+    }
+
     /// Returns the shear modulus of the undeformed elastomer in Pa.
     #[must_use]
     pub fn modulus_at_rest(&self) -> Option<f64> {
@@ -182,6 +198,17 @@ impl Law {
         let w = self.invariants(first + second + third)?;
         let gradient = w.by_parameter.iter().map(|[a, b]| factor * (a + second * b)).collect();
         Some((factor * (w.first + second * w.second), gradient))
+    }
+
+    /// Returns the derivative of the nominal stress with respect to the stretch in Pa; `None` beyond the limit of
+    /// extensibility. From nλP = ∂W/∂l with l = ln λ and n loaded directions.
+    #[must_use]
+    pub fn slope(&self, test: Test, stretch: f64) -> Option<f64> {
+        let ([a, b], l) = (test.path(), stretch.ln());
+        let [h11, h12, h22] = self.hessian([a * l, b * l])?;
+        let loaded = if test == Test::Equibiaxial { 2.0 } else { 1.0 };
+        let curvature = (a * a * h11 + 2.0 * a * b * h12 + b * b * h22) / loaded;
+        Some((curvature - stretch * self.nominal_stress(test, stretch)?) / (stretch * stretch))
     }
 
     /// Returns the Hessian of the energy in (ln λ₁, ln λ₂) in Pa, as (11, 12, 22); `None` beyond the limit of
@@ -384,7 +411,7 @@ mod tests {
                 .to_vec(),
         ));
         for law in &all {
-            let values = values(law);
+            let values = law.values();
             for (test, stretch) in Test::ALL
                 .into_iter()
                 .flat_map(|test| [(test, 0.7), (test, 1.02), (test, 2.1)])
@@ -434,19 +461,5 @@ mod tests {
         assert_eq!(gent.nominal_stress(Test::Uniaxial, 8.0), None);
         assert_eq!(arruda_boyce.nominal_stress(Test::Uniaxial, 8.0), None);
         assert_eq!(LawKind::Gent.with(&[1.0]), None);
-    }
-
-    fn values(law: &Law) -> Vec<f64> {
-        match *law {
-            Law::NeoHookean { shear_modulus } => vec![shear_modulus],
-            Law::Gent { shear_modulus, jm } => vec![shear_modulus, jm],
-            Law::Yeoh { shear_modulus, c2, c3 } => vec![shear_modulus, c2, c3],
-            Law::MooneyRivlin { shear_modulus, c2 } => vec![shear_modulus, c2],
-            Law::ArrudaBoyce {
-                shear_modulus,
-                locking_stretch,
-            } => vec![shear_modulus, locking_stretch],
-            Law::Ogden(ref terms) => terms.iter().flat_map(|t| [t.shear_modulus, t.alpha]).collect(),
-        }
     }
 }

@@ -46,7 +46,7 @@ impl Stability {
 /// Returns the ranges of stretch over which the nominal stress falls. Beyond a limit of extensibility it does not.
 #[must_use]
 pub fn falling_ranges(law: &Law, test: Test, from: f64, to: f64) -> Vec<(f64, f64)> {
-    let falls = |l: f64| slope(law, test, l).is_some_and(|slope| slope < 0.0);
+    let falls = |l: f64| law.slope(test, l.exp()).is_some_and(|slope| slope < 0.0);
     let (from, to) = (from.ln(), to.ln());
     let at = |step: usize| from + (to - from) * step as f64 / STEPS as f64;
     let mut ranges = Vec::new();
@@ -77,15 +77,6 @@ fn boundary(condition: &dyn Fn(f64) -> bool, mut low: f64, mut high: f64) -> f64
         }
     }
     0.5 * (low + high)
-}
-
-/// Returns the sign of ∂P/∂λ times a positive number, from nλP = ∂W/∂l with l = ln λ and n loaded directions.
-fn slope(law: &Law, test: Test, l: f64) -> Option<f64> {
-    let [a, b] = test.path();
-    let [h11, h12, h22] = law.hessian([a * l, b * l])?;
-    let loaded = if test == Test::Equibiaxial { 2.0 } else { 1.0 };
-    let curvature = (a * a * h11 + 2.0 * a * b * h12 + b * b * h22) / loaded;
-    Some(curvature - l.exp() * law.nominal_stress(test, l.exp())?)
 }
 
 /// Returns the smallest deformation within the hull of those reached at which Drucker's condition fails.
