@@ -55,6 +55,8 @@ pub enum FitError {
     ZeroStress { curve: String, row: usize },
     #[error("curve `{curve}` has another kind of standard deviation than `{first}`: state both, or neither in one way")]
     MixedSigma { curve: String, first: String },
+    #[error("the curves `{curve}` and `{first}` name different laws")]
+    MixedElastomers { curve: String, first: String },
     #[error("curve `{curve}`, row {row}: the time is not a number from 0 on")]
     Time { curve: String, row: usize },
     #[error("all stretches are 1: the curves say nothing about a law")]
@@ -75,6 +77,115 @@ pub enum FitError {
     NoStart { law: &'static str },
     #[error("the law `{law}` has no terms")]
     NoTerms { law: &'static str },
+    #[error("`{set}`, row {row}: the {column} {value} is not positive")]
+    NotPositive {
+        set: String,
+        row: usize,
+        column: &'static str,
+        value: f64,
+    },
+    #[error("`{set}`: the {what} {value} is not a positive number")]
+    Setting {
+        set: String,
+        what: &'static str,
+        value: f64,
+    },
+    #[error("`{set}`, row {row}: a {column} of zero has no relative error; state its standard deviation")]
+    ZeroValue {
+        set: String,
+        row: usize,
+        column: &'static str,
+    },
+    #[error("`{set}`, row {row} of the history: the times must not fall, and all numbers must be finite")]
+    History { set: String, row: usize },
+    #[error("`{set}`: the history is empty")]
+    NoHistory { set: String },
+    #[error("`{set}`, row {row}: the time is before the first one of the history")]
+    BeforeHistory { set: String, row: usize },
+    #[error("`{set}`: a sheet under voltage is equibiaxial or in pure shear, not uniaxial")]
+    UniaxialVoltage { set: String },
+    #[error("`{set}` has no points")]
+    NoPoints { set: String },
+    #[error("`{set}`: the images must all state a standard deviation, or none of them")]
+    MixedImages { set: String },
+    #[error("`{set}` and `{first}` cannot be fitted together unless both state the standard deviations of their data")]
+    MixedSets { set: String, first: String },
+    #[error("`{set}` needs the parameter `{name}`: let it be free, or give its value")]
+    MissingParameter { set: String, name: String },
+    #[error("no data depend on the parameter `{name}`")]
+    UnusedParameter { name: String },
+    #[error("the parameter `{name}` is given twice")]
+    RepeatedParameter { name: String },
+    #[error("the start {start} of `{name}` is not within its bounds {lower} and {upper}")]
+    Start {
+        name: String,
+        start: f64,
+        lower: f64,
+        upper: f64,
+    },
+    #[error("{found} starting values were given for {expected} parameters")]
+    StartCount { found: usize, expected: usize },
+    #[error("{numbers} numbers cannot determine {parameters} parameters")]
+    TooFewNumbers { numbers: usize, parameters: usize },
+    #[error("nothing to fit: there are no {what}")]
+    Nothing { what: &'static str },
+    #[error("`{set}` has no state at the starting values: start elsewhere, or check the bounds")]
+    NoState { set: String },
+    #[error("the simulation of `{set}` failed: {message}")]
+    Simulation { set: String, message: String },
+    #[error("the simulation of `{set}` returned {found} {what}, not {expected}")]
+    SimulationCount {
+        set: String,
+        what: &'static str,
+        found: usize,
+        expected: usize,
+    },
+}
+
+/// Returns the scale of each residual, (model − data)/scale, of a set of data.
+///
+/// # Errors
+/// When there is another number of standard deviations, or one is not positive.
+pub(crate) fn scales(set: &str, column: &'static str, data: &[f64], sigma: &Sigma) -> Result<Vec<f64>, FitError> {
+    if let Sigma::Stated(sigma) = sigma
+        && sigma.len() != data.len()
+    {
+        return Err(FitError::Lengths {
+            curve: set.to_owned(),
+            first: (data.len(), "rows"),
+            second: (sigma.len(), "standard deviations"),
+        });
+    }
+    let scale = |(at, value): (usize, &f64)| {
+        let (set, row) = (set.to_owned(), at + 1);
+        let scale = match sigma {
+            Sigma::Stated(sigma) => sigma[at],
+            Sigma::StatedFraction(fraction) => fraction * value.abs(),
+            Sigma::UnstatedRelative => value.abs(),
+            Sigma::UnstatedAbsolute => 1.0,
+        };
+        if !value.is_finite() {
+            return Err(FitError::NotFinite {
+                curve: set,
+                row,
+                column,
+            });
+        }
+        if *value == 0.0 && matches!(sigma, Sigma::StatedFraction(_) | Sigma::UnstatedRelative) {
+            return Err(FitError::ZeroValue { set, row, column });
+        }
+        if !(scale.is_finite() && scale > 0.0) {
+            let (column, value) = ("standard deviation", scale);
+            return Err(FitError::NotPositive {
+                set,
+                row,
+                column,
+                value,
+            });
+        }
+        Ok(scale)
+    };
+    data.iter().enumerate().map(scale).collect()
 }
 
 /// A row of a curve.
@@ -146,7 +257,7 @@ impl Points {
 }
 
 /// Curves whose kinds differ cannot be fitted together: their residuals have different units.
-fn noise_kind(sigma: &Sigma) -> usize {
+pub(crate) fn noise_kind(sigma: &Sigma) -> usize {
     match sigma {
         Sigma::Stated(_) | Sigma::StatedFraction(_) => 0,
         Sigma::UnstatedRelative => 1,

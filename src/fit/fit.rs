@@ -6,6 +6,7 @@ use crate::law::{Law, LawKind};
 use crate::solution::{Coordinate, Estimate, Model, Parameter, Profiles, Solution, check_points};
 use crate::stability::Stability;
 use crate::starts::{coordinates, neo_hookean_modulus, starts};
+use crate::warning::{Warning, warnings};
 use std::fmt;
 
 /// Residuals beyond this many standard deviations are outliers: one of 16,000 normal deviates.
@@ -89,6 +90,8 @@ pub struct Fit {
     pub outliers: Vec<Outlier>,
     /// The stability of the law.
     pub stability: Stability,
+    /// What in the data should be looked at.
+    pub warnings: Vec<Warning>,
     /// The result in one word.
     pub verdict: Verdict,
 }
@@ -112,10 +115,11 @@ pub fn fit(curves: &[Curve], kind: LawKind, options: &Options) -> Result<Fit, Fi
     };
     Ok(Fit {
         law,
-        estimate,
         outliers: outliers(&residuals, solution.spread()),
         residuals,
         stability,
+        warnings: warnings(curves, kind, options, &estimate),
+        estimate,
         verdict,
     })
 }

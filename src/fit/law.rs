@@ -163,6 +163,16 @@ impl Law {
         }
     }
 
+    /// Returns the parameters with another modulus, for laws of one modulus whose other parameters are no moduli, and
+    /// for others with those at zero.
+    pub(crate) fn with_modulus(&self, modulus: f64) -> Vec<f64> {
+        let mut values = self.values();
+        if let Some(first) = values.first_mut() {
+            *first = modulus;
+        }
+        values
+    }
+
     /// Returns the shear modulus of the undeformed elastomer in Pa.
     #[must_use]
     pub fn modulus_at_rest(&self) -> Option<f64> {

@@ -55,9 +55,9 @@ pub struct Estimate {
     pub stated: bool,
     /// χ², or the sum of the squares of the residuals.
     pub sum_of_squares: f64,
-    /// The number of points, without those at stretch 1.
+    /// The number of points, without those at stretch 1; of fields, two for each point.
     pub points: usize,
-    /// Points less parameters.
+    /// Points less parameters, and less the motions of images that are fitted with them.
     pub degrees_of_freedom: usize,
     /// The information criteria.
     pub information: Information,
@@ -70,7 +70,7 @@ pub struct Estimate {
 }
 
 /// How a parameter enters the search.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Scale {
     /// By its logarithm: a positive parameter.
     Logarithm,
@@ -78,6 +78,11 @@ pub(crate) enum Scale {
     Exponent,
     /// As it is: a modulus of any sign.
     Modulus,
+    /// As it is: a parameter of which a change by a unit counts as much as a relative change by 1 of a positive one.
+    Linear {
+        /// The unit.
+        unit: f64,
+    },
 }
 
 /// A parameter as the search sees it.
@@ -93,7 +98,7 @@ impl Coordinate {
     pub fn coordinate(&self, value: f64) -> f64 {
         match self.scale {
             Scale::Logarithm => value.ln(),
-            Scale::Exponent | Scale::Modulus => value,
+            Scale::Exponent | Scale::Modulus | Scale::Linear { .. } => value,
         }
     }
 
@@ -106,7 +111,7 @@ impl Coordinate {
         ) {
             (_, Some(limit)) => limit,
             (Scale::Logarithm, None) => coordinate.exp(),
-            (Scale::Exponent | Scale::Modulus, None) => coordinate,
+            (Scale::Exponent | Scale::Modulus | Scale::Linear { .. }, None) => coordinate,
         }
     }
 
@@ -114,7 +119,7 @@ impl Coordinate {
     fn slope(&self, value: f64) -> f64 {
         match self.scale {
             Scale::Logarithm => value,
-            Scale::Exponent | Scale::Modulus => 1.0,
+            Scale::Exponent | Scale::Modulus | Scale::Linear { .. } => 1.0,
         }
     }
 }
@@ -137,6 +142,29 @@ pub(crate) trait Model {
     /// Returns how many parameters precede the pairs whose order does not matter; they are sorted by their second
     /// number. `None` if there are no pairs.
     fn pairs_from(&self) -> Option<usize>;
+
+    /// Returns how many numbers beside the parameters the model fits by itself; the derivatives have them projected
+    /// out.
+    fn nuisance(&self) -> usize {
+        0
+    }
+
+    /// Returns the effect of correlated noise on residuals with these values and derivatives with respect to
+    /// coordinates; `None` if the noise is independent.
+    fn correlated(&self, _evaluation: &Evaluation) -> Option<Correlated> {
+        None
+    }
+}
+
+/// The effect of the correlation R of the noise.
+#[derive(Clone, Debug)]
+pub(crate) struct Correlated {
+    /// JᵀRJ.
+    pub gram: Mat<f64>,
+    /// The trace of R in the directions of the numbers that the model fits by itself.
+    pub nuisance: f64,
+    /// The length of the correlation in each set of data.
+    pub lengths: Vec<Option<f64>>,
 }
 
 /// Returns the residuals at coordinates.
@@ -162,6 +190,7 @@ pub(crate) struct Solution<'a> {
     bounds: Bounds,
     best: Minimum,
     searches: (usize, usize),
+    correlated: Option<Correlated>,
 }
 
 impl<'a> Solution<'a> {
@@ -196,6 +225,7 @@ impl<'a> Solution<'a> {
             best.evaluation = residuals(&best.point)?;
         }
         Some(Self {
+            correlated: model.correlated(&best.evaluation),
             model,
             bounds,
             best,
@@ -203,16 +233,48 @@ impl<'a> Solution<'a> {
         })
     }
 
+    /// Returns the better of two minima, with the searches for both.
+    pub fn or(self, other: Self) -> Self {
+        let ((made, found), (others, others_found)) = (self.searches, other.searches);
+        let (one, two) = (self.best.sum_of_squares, other.best.sum_of_squares);
+        let (better, found) = if two * (1.0 + SAME_MINIMUM) < one {
+            (other, others_found)
+        } else if one * (1.0 + SAME_MINIMUM) < two {
+            (self, found)
+        } else {
+            (if other.best.converged { other } else { self }, found + others_found)
+        };
+        Self {
+            searches: (made + others, found),
+            ..better
+        }
+    }
+
+    /// Returns whether the search that found the minimum converged.
+    pub fn converged(&self) -> bool {
+        self.best.converged
+    }
+
     /// Returns the values of the parameters.
     pub fn values(&self) -> Vec<f64> {
         values(self.model.coordinates(), &self.best.point)
+    }
+
+    /// Returns the residuals.
+    pub fn residuals(&self) -> &[f64] {
+        &self.best.evaluation.residual
+    }
+
+    /// Returns the length of the correlation of the noise in each set of data; empty if all noise is independent.
+    pub fn correlation_lengths(&self) -> &[Option<f64>] {
+        self.correlated.as_ref().map_or(&[], |correlated| &correlated.lengths)
     }
 
     /// Returns the parameters and their statistics.
     pub fn estimate(&self, profiles: Profiles) -> Estimate {
         let (points, count) = (self.best.evaluation.residual.len(), self.best.point.len());
         let (stated, sum_of_squares) = (self.model.stated(), self.best.sum_of_squares);
-        let uncertainty = self.uncertainty();
+        let uncertainty = self.uncertainty(self.correlated.as_ref());
         Estimate {
             parameters: self.parameters(&uncertainty, profiles),
             covariance: uncertainty.covariance,
@@ -221,28 +283,41 @@ impl<'a> Solution<'a> {
             sum_of_squares,
             points,
             degrees_of_freedom: self.degrees_of_freedom(),
-            information: Information::new(stated, sum_of_squares, points, count),
+            information: Information::new(stated, sum_of_squares, points, count + self.model.nuisance()),
             iterations: self.best.iterations,
             converged: self.best.converged,
             searches: self.searches,
         }
     }
 
+    /// Returns the standard errors that independent noise would have.
+    pub fn independent_errors(&self) -> Vec<Option<f64>> {
+        self.uncertainty(None).standard_errors
+    }
+
     fn degrees_of_freedom(&self) -> usize {
-        self.best
-            .evaluation
-            .residual
-            .len()
-            .saturating_sub(self.best.point.len())
+        let fitted = self.best.point.len() + self.model.nuisance();
+        self.best.evaluation.residual.len().saturating_sub(fitted)
     }
 
     /// Returns the standard deviation of the residuals: 1 where that of the data is stated.
     pub fn spread(&self) -> f64 {
         if self.model.stated() {
-            1.0
-        } else {
-            (self.best.sum_of_squares / self.degrees_of_freedom() as f64).sqrt()
+            return 1.0;
         }
+        let Some(correlated) = &self.correlated else {
+            return (self.best.sum_of_squares / self.degrees_of_freedom() as f64).sqrt();
+        };
+        // The expected sum of squares is s²(n − tr PR), where P projects on all that is fitted.
+        let (units, names) = (self.units(), vec![String::new(); self.best.point.len()]);
+        let own = Some(&correlated.gram);
+        let gram = self.best.evaluation.gram();
+        let fitted = Uncertainty::new(&self.best.evaluation, 1.0, &names, &units, &self.free(), own).map_or(0.0, |u| {
+            let pairs = (0..units.len()).flat_map(|i| (0..units.len()).map(move |j| (i, j)));
+            pairs.map(|(i, j)| u.covariance[(i, j)] * gram[(j, i)]).sum()
+        });
+        let remaining = self.best.evaluation.residual.len() as f64 - fitted - correlated.nuisance;
+        (self.best.sum_of_squares / remaining.max(0.0)).sqrt()
     }
 
     /// Returns the coordinates that are not at a bound.
@@ -258,6 +333,7 @@ impl<'a> Solution<'a> {
         let jacobian = &self.best.evaluation.jacobian;
         let unit = |(i, coordinate): (usize, &Coordinate)| match coordinate.scale {
             Scale::Logarithm | Scale::Exponent => 1.0,
+            Scale::Linear { unit } => unit,
             Scale::Modulus => {
                 let column = (0..jacobian.nrows()).map(|row| jacobian[(row, i)].powi(2));
                 (self.model.data() / column.sum::<f64>()).sqrt()
@@ -267,16 +343,18 @@ impl<'a> Solution<'a> {
     }
 
     /// Returns the standard errors and directions; without points to spare there are none.
-    fn uncertainty(&self) -> Uncertainty {
+    fn uncertainty(&self, correlated: Option<&Correlated>) -> Uncertainty {
         let (units, spread) = (self.units(), self.spread());
         let name = |(c, unit): (&Coordinate, &f64)| match c.scale {
             Scale::Logarithm => c.name.clone(),
             Scale::Exponent => format!("exp({})", c.name),
             Scale::Modulus => format!("exp({}/{unit:.3e} Pa)", c.name),
+            Scale::Linear { .. } => format!("exp({}/{unit:.3e})", c.name),
         };
         let names: Vec<String> = self.model.coordinates().iter().zip(&units).map(name).collect();
         let known = spread.is_finite() && spread > 0.0;
-        let uncertainty = known.then(|| Uncertainty::new(&self.best.evaluation, spread, &names, &units, &self.free()));
+        let (evaluation, gram) = (&self.best.evaluation, correlated.map(|correlated| &correlated.gram));
+        let uncertainty = known.then(|| Uncertainty::new(evaluation, spread, &names, &units, &self.free(), gram));
         uncertainty.flatten().unwrap_or_else(|| Uncertainty {
             standard_errors: vec![None; units.len()],
             covariance: Mat::zeros(units.len(), units.len()),
@@ -292,6 +370,10 @@ impl<'a> Solution<'a> {
             student_t(0.95, self.degrees_of_freedom())
         };
         let (free, units) = (self.free(), self.units());
+        let independent = match self.correlated {
+            Some(_) => self.independent_errors(),
+            None => uncertainty.standard_errors.clone(),
+        };
         let parameter = |(i, coordinate): (usize, &Coordinate)| {
             let at = self.best.point[i];
             let standard_error = uncertainty.standard_errors[i];
@@ -304,7 +386,13 @@ impl<'a> Solution<'a> {
             };
             let is_free = free.contains(&i);
             let step = quantile * standard_error.unwrap_or(WIDE * units[i]).min(units[i]);
-            let profile = (wanted && is_free).then(|| self.profile(i, (quantile * self.spread()).powi(2), step));
+            // Correlated noise widens the likelihood as it does the standard error.
+            let wider = match (standard_error, independent[i]) {
+                (Some(error), Some(independent)) => error / independent,
+                _ => 1.0,
+            };
+            let increase = (quantile * wider * self.spread()).powi(2);
+            let profile = (wanted && is_free).then(|| self.profile(i, increase, step));
             Parameter {
                 name: coordinate.name.clone(),
                 value: coordinate.value(at),

@@ -68,7 +68,7 @@ fn default(name: String, modulus: f64) -> Coordinate {
     let (scale, limits) = match base_name(&name) {
         "jm" => (Scale::Logarithm, (1e-3, 1e12)),
         "locking_stretch" => (Scale::Logarithm, (1.0, 1e6)),
-        "tau" => (Scale::Logarithm, (1e-12, 1e12)),
+        "tau" | "branch_time" => (Scale::Logarithm, (1e-12, 1e12)),
         "c2" | "c3" => (Scale::Modulus, (-1e9, 1e9)),
         "alpha" => (Scale::Exponent, (-15.0, 15.0)),
         _ => (Scale::Logarithm, (1e-9 * modulus, 1e6 * modulus)),
@@ -86,6 +86,49 @@ pub(crate) fn starts(kind: LawKind, points: &Points, modulus: f64, coordinates: 
         LawKind::Gent => with_limit(kind, points, |excess| (largest - 3.0) * (1.0 + excess)),
         LawKind::ArrudaBoyce => with_limit(kind, points, |excess| (largest / 3.0).sqrt() * (1.0 + excess)),
         LawKind::Ogden(terms) => ogden(terms, points, coordinates),
+    }
+}
+
+/// Returns laws of a kind, each as the terms whose moduli are 1, from which searches of a spring beside branches start.
+pub(crate) fn springs(kind: LawKind, points: &Points) -> Vec<Vec<Law>> {
+    let largest = points.counted().map(first_invariant).fold(3.0, f64::max);
+    let beyond = [0.05, 1.0, 10.0];
+    let laws = |values: Vec<Vec<f64>>| {
+        values
+            .iter()
+            .filter_map(|values| Some(vec![kind.with(values)?]))
+            .collect()
+    };
+    match kind {
+        LawKind::NeoHookean => laws(vec![vec![1.0]]),
+        LawKind::Yeoh => laws(vec![vec![1.0, 0.0, 0.0]]),
+        LawKind::MooneyRivlin => laws(vec![vec![1.0, 0.0]]),
+        LawKind::Gent => laws(
+            beyond
+                .map(|excess| vec![1.0, (largest - 3.0) * (1.0 + excess)])
+                .to_vec(),
+        ),
+        LawKind::ArrudaBoyce => laws(
+            beyond
+                .map(|excess| vec![1.0, (largest / 3.0).sqrt() * (1.0 + excess)])
+                .to_vec(),
+        ),
+        LawKind::Ogden(terms) => {
+            let term = |alpha: f64| {
+                let shear_modulus = 1.0;
+                Law::Ogden(vec![OgdenTerm { shear_modulus, alpha }])
+            };
+            let exponents = |order: &[f64]| {
+                (0..terms)
+                    .map(|p| term(order[p % order.len()] + 0.1 * p as f64))
+                    .collect()
+            };
+            vec![
+                exponents(&[2.0, 5.0, -2.0]),
+                exponents(&[1.3, 8.0, -2.0]),
+                exponents(&[1.0, 3.0, 5.0]),
+            ]
+        }
     }
 }
 

@@ -113,8 +113,17 @@ impl Uncertainty {
     /// Returns the uncertainty from the singular values of J/`sigma`, with one column for each of the `free`
     /// coordinates in the `units` of a relative change. The singular values are the roots of the eigenvalues of JᵀJ;
     /// that loses half of the digits, which the threshold of zero allows.
+    ///
+    /// With `correlated` = JᵀRJ, where R is the correlation of the noise, the covariance is σ²(JᵀJ)⁻¹JᵀRJ(JᵀJ)⁻¹.
     #[must_use]
-    pub fn new(evaluation: &Evaluation, sigma: f64, names: &[String], units: &[f64], free: &[usize]) -> Option<Self> {
+    pub fn new(
+        evaluation: &Evaluation,
+        sigma: f64,
+        names: &[String],
+        units: &[f64],
+        free: &[usize],
+        correlated: Option<&Mat<f64>>,
+    ) -> Option<Self> {
         let count = units.len();
         let gram = evaluation.gram();
         let scaled = Mat::from_fn(free.len(), free.len(), |a, b| {
@@ -125,11 +134,31 @@ impl Uncertainty {
         let part = |a: usize, k: usize| decomposed.vectors[(a, k)];
         let null: Vec<bool> = decomposed.values.iter().map(|e| *e <= NULL * NULL * largest).collect();
         let known: Vec<usize> = (0..free.len()).filter(|&k| !null[k]).collect();
+        // The covariance of the directions k and l.
+        let between = correlated.map(|correlated| {
+            Mat::from_fn(free.len(), free.len(), |k, l| {
+                let unit = |a: usize| units[free[a]];
+                let entry =
+                    |a: usize, b: usize| part(a, k) * unit(a) * correlated[(free[a], free[b])] * unit(b) * part(b, l);
+                let pairs = (0..free.len()).flat_map(|a| (0..free.len()).map(move |b| (a, b)));
+                let sum: f64 = pairs.map(|(a, b)| entry(a, b)).sum();
+                sum / (sigma * sigma * decomposed.values[k] * decomposed.values[l])
+            })
+        });
         let covariance = Mat::from_fn(count, count, |i, j| {
             let [a, b] = [i, j].map(|i| free.iter().position(|f| *f == i));
             let (Some(a), Some(b)) = (a, b) else { return 0.0 };
-            let terms = known.iter().map(|&k| part(a, k) * part(b, k) / decomposed.values[k]);
-            units[i] * units[j] * terms.sum::<f64>()
+            let sum: f64 = match &between {
+                None => known
+                    .iter()
+                    .map(|&k| part(a, k) * part(b, k) / decomposed.values[k])
+                    .sum(),
+                Some(between) => {
+                    let pairs = known.iter().flat_map(|&k| known.iter().map(move |&l| (k, l)));
+                    pairs.map(|(k, l)| part(a, k) * between[(k, l)] * part(b, l)).sum()
+                }
+            };
+            units[i] * units[j] * sum
         });
         let standard_error = |i: usize| {
             let a = free.iter().position(|f| *f == i)?;
@@ -139,10 +168,10 @@ impl Uncertainty {
         let directions = (0..free.len()).map(|k| {
             let parts: Vec<f64> = (0..free.len()).map(|a| part(a, k)).collect();
             let names: Vec<&str> = free.iter().map(|&i| names[i].as_str()).collect();
-            let error = if null[k] {
-                f64::INFINITY
-            } else {
-                decomposed.values[k].powf(-0.5)
+            let error = match &between {
+                _ if null[k] => f64::INFINITY,
+                None => decomposed.values[k].powf(-0.5),
+                Some(between) => between[(k, k)].sqrt(),
             };
             Direction {
                 name: product_of_powers(&names, &parts),
@@ -219,7 +248,7 @@ mod tests {
             }),
         };
         let names = ["a", "b", "c"].map(String::from);
-        let known = Uncertainty::new(&evaluation, 1.0, &names, &[1.0; 3], &[0, 1, 2]).unwrap();
+        let known = Uncertainty::new(&evaluation, 1.0, &names, &[1.0; 3], &[0, 1, 2], None).unwrap();
         assert_eq!(known.standard_errors[..2], [None, None]);
         assert!((known.standard_errors[2].unwrap() - 0.2).abs() < 1e-14);
         assert!(

@@ -1,5 +1,6 @@
 //! Fits against the answers of an independent program (closed forms and scipy's trust-region method, in Python).
 
+use super::noise::deviate;
 use crate::{
     Candidate, Curve, Fit, Law, LawKind, OgdenTerm, Options, Profiles, Relaxation, Sigma, Test, Verdict, compare, fit,
     fit_relaxation,
@@ -154,11 +155,6 @@ fn the_terms_of_ogden_are_near_the_best_ones() {
     };
     assert_near(sum(treloar(&Sigma::UnstatedRelative), true), 0.35996, 1e-4);
     assert_near(sum(treloar(&Sigma::UnstatedAbsolute), false), 2.98896, 1e-4);
-}
-
-/// The deviates of the known answers: √2 sin(2.3 i²), i = 1, 2, …
-fn deviate(index: usize) -> f64 {
-    f64::sqrt(2.0) * f64::sin(2.3 * (index * index) as f64)
 }
 
 /// Returns the stresses of a law with noise of 2 %; the deviates run through all curves.
