@@ -1,5 +1,6 @@
 //! Tests against known answers, and of hard cases.
 
+mod coverage;
 mod derivatives;
 mod fields;
 mod hard_cases;
