@@ -5,7 +5,7 @@
 //! [`grid`]. The modules follow the method, from the point to the result: kinematics, energy and effects; sheet,
 //! fitted, grid, element, layout, sampling and lanes; operator; gemm, modes and precondition; krylov, work, newton,
 //! direct and dynamic_stiffness; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response,
-//! margin, path, fully_active, critical, limit, observable, gradient_evaluator and safety_margins; evaluator, which
+//! margin, path, points, fully_active, critical, limit, observable, gradient_evaluator and safety_margins; evaluator, which
 //! implements the traits of `field`; simulators and screening.
 
 mod accurate;
@@ -47,6 +47,7 @@ mod newton;
 mod observable;
 pub mod operator;
 mod path;
+mod points;
 mod powers;
 mod precision;
 pub mod precondition;
@@ -78,6 +79,7 @@ pub use limit::CriticalSearch;
 pub use margin::StabilityReport;
 pub use observable::{CellState, Tension, cell_states};
 pub use path::{EventKind, LoadPath, PathEnd, PathEvent, PathPoint};
+pub use points::Weights;
 pub use response::{Estimator, LinearResponse};
 pub use safety_margins::SafetyMargins;
 pub use simulators::SceneSimulators;

@@ -2,6 +2,7 @@
 
 use super::curve::Point;
 use super::{Fitted, NodeLayout};
+use deaflow_pattern::Part;
 
 /// How the value at the corner of a cell follows from those of nodes.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,14 +32,20 @@ pub(super) fn at_cell_corners(
         if fitted.position(layout, node) == point {
             return None;
         }
-        let weights = weights(layout, fitted, vertex, point).ok_or(point);
-        Some(weights.map(|weights| Interpolation { corner, weights }))
+        let covering = covering(layout, fitted, vertex, point).ok_or(point);
+        Some(covering.map(|(weights, _)| Interpolation { corner, weights }))
     })
     .collect()
 }
 
-/// Returns the weights of the nodes of an element that covers a point, near a vertex.
-fn weights(layout: NodeLayout, fitted: &Fitted, vertex: [usize; 2], point: Point) -> Option<Vec<(usize, f64)>> {
+/// Returns the weights of the nodes of a mapped element that covers a point in units of elements, near a vertex, and its
+/// part; `None` if none does.
+pub(super) fn covering(
+    layout: NodeLayout,
+    fitted: &Fitted,
+    vertex: [usize; 2],
+    point: Point,
+) -> Option<(Vec<(usize, f64)>, Part)> {
     let (degree, side) = (layout.degree(), layout.degree() + 1);
     let near =
         |place: [usize; 2]| (0..2).all(|axis| place[axis] <= vertex[axis] + 1 && place[axis] + 2 >= vertex[axis]);
@@ -49,7 +56,8 @@ fn weights(layout: NodeLayout, fitted: &Fitted, vertex: [usize; 2], point: Point
             .map(|node| fitted.position(layout, position(node)))
             .collect();
         if let Some(values) = element.values_at(degree, &positions, point) {
-            return Some(element.nodes(layout).into_iter().zip(values).collect());
+            let weights = element.nodes(layout).into_iter().zip(values).collect();
+            return Some((weights, element.content.part));
         }
     }
     None

@@ -163,7 +163,7 @@ impl MappedElement {
 }
 
 /// Returns the values and derivatives of the basis on the square.
-fn basis_of_square(degree: usize, at: Point) -> ([f64; 9], [[f64; 2]; 9]) {
+pub(crate) fn basis_of_square(degree: usize, at: Point) -> ([f64; 9], [[f64; 2]; 9]) {
     let (mut values, mut slopes) = ([0.0; 9], [[0.0; 2]; 9]);
     let line = at.map(|x| match degree {
         1 => ([1.0 - x, x, 0.0], [-1.0, 1.0, 0.0]),

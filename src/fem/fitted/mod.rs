@@ -16,6 +16,7 @@ use deaflow_pattern::{Borders, Part, Polygons};
 use super::layout::NodeLayout;
 use curve::{Curve, Point};
 use interpolation::Interpolation;
+pub(crate) use mapped::basis_of_square;
 pub use mapped::{Mapped, MappedElement, MappedView};
 pub use snap::Misfit;
 use snap::Snapped;
@@ -174,6 +175,14 @@ impl Fitted {
             content.is_some_and(|content| content.group.is_none() && content.part == part(at))
         };
         self.regular.iter().enumerate().all(is_cell)
+    }
+
+    /// Returns the weights of the nodes of the mapped element that covers a point in units of elements, and its part;
+    /// `None` if none does.
+    #[must_use]
+    pub fn covering(&self, layout: NodeLayout, point: Point) -> Option<(Vec<(usize, f64)>, Part)> {
+        let vertex = point.map(|at| at.round().max(0.0) as usize);
+        interpolation::covering(layout, self, vertex, point)
     }
 
     /// Returns how values at moved corners of cells follow from those of nodes.
