@@ -15,8 +15,8 @@ use super::arguments::bare_numbers;
 use super::examples::HEADING;
 use super::tone::width_of_stdout;
 use super::{
-    CliError, Exit, Output, accuracy, attach, audit, check, columns, copy, dag, diff, doctor, explain, export, fit,
-    fsck, gc, init, log, pin, plan, predict, pull, push, remote, report, run, schema, screen, serve, show, sketch,
+    CliError, Exit, Output, accuracy, attach, audit, check, columns, compare, copy, dag, diff, doctor, explain, export,
+    fit, fsck, gc, init, log, pin, plan, predict, pull, push, remote, report, run, schema, screen, serve, show, sketch,
     solve, status, sweep, unpin, worker,
 };
 
@@ -141,6 +141,7 @@ commands! {
     Screen => screen::ScreenArguments,
     Accuracy => accuracy::AccuracyArguments,
     Fit => fit::FitArguments,
+    Compare => compare::CompareArguments,
     Audit => audit::AuditArguments,
     "Help and set-up":
     Schema => schema::SchemaArguments,

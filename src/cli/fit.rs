@@ -1,6 +1,6 @@
 //! `deaflow fit`: fits the elastomer of a scene to measured curves.
 
-mod measured;
+mod scene;
 
 use std::path::{Path, PathBuf};
 
@@ -10,15 +10,19 @@ use serde_json::{Value, json};
 use super::arguments::{integer, quantity};
 use super::text::Text;
 use super::{CliError, Exit, Output, table, write};
+use deaflow_base::Node;
 use deaflow_base::{Dimension, with_minus};
+use deaflow_fem::SolveOptions;
+use deaflow_field::{Mesh, Order};
 use deaflow_fit::{
-    Candidate, Curve, CurveResiduals, Estimate, Fit, FitError, Law, LawKind, Options, Outlier, Parameter, Relaxation,
-    RelaxationFit, Sigma, Test, Verdict, compare, fit_relaxation,
+    Candidate, Curve, CurveResiduals, Elastomer, Estimate, Fit, FitError, HistoryCurve, Law, LawKind, Options, Outlier,
+    Parameter, RelaxationFit, Sigma, Test, Verdict, ViscousLaw, compare, fit_histories,
 };
 use deaflow_report::figures::{FittedCurve, fit_sheet};
 use deaflow_scene::Scene;
 use deaflow_stage::direct;
-use measured::{Measured, Noise, read};
+use deaflow_stage::measured::curve::{Measured, Noise, read};
+use deaflow_stage::measured::{MeasuredFile, Measurement, path_of, rounded};
 
 /// The laws that are compared without `--law`.
 const LAWS: [LawKind; 8] = [
@@ -38,30 +42,39 @@ const MOST_BRANCHES: u64 = 6;
 /// The largest number of outliers that are listed.
 const OUTLIERS: usize = 5;
 
-/// Fit the elastomer of a scene to measured curves
+/// Fit a scene to measurements: its elastomer to curves of specimens, or any numbers of it to a device
 #[derive(Debug, Args)]
 #[command(after_help = examples!(
     "deaflow fit scene.yaml uniaxial=ut.csv equibiaxial=et.csv -o fitted.yaml",
     "deaflow fit scene.yaml uniaxial=ut.csv --law gent --sigma \"3 %\"",
     "deaflow fit fitted.yaml uniaxial=relaxation.csv -o creeping.yaml",
+    "deaflow fit scene.yaml measured.yaml --free shear_modulus --free voltage_offset -o fitted.yaml",
 ))]
 pub struct FitArguments {
-    /// The scene whose elastomer is fitted: a YAML file of a scene, or of a pipeline that has one
+    /// The scene that is fitted: a YAML file of a scene, or of a pipeline that has one
     pub scene: PathBuf,
     /// Measured curves, uniaxial=FILE, equibiaxial=FILE or pure-shear=FILE: tables with the columns stretch and
-    /// nominal_stress_kPa; with a column time_s, relaxation after a step
-    #[arg(value_name = "TEST=FILE", required = true, value_parser = measured_file)]
-    files: Vec<MeasuredFile>,
+    /// nominal_stress_kPa; with a column time_s, the stress along that history of stretch, after a sudden step if all
+    /// stretches are equal. Or a list of measured files in YAML, with what
+    /// is known about each
+    #[arg(value_name = "TEST=FILE|MEASURED.yaml", required = true, value_parser = measured_file)]
+    files: Vec<FileArgument>,
+    /// A number of the scene to fit, by the end of its path, with bounds as in shear_modulus="1 kPa..1 MPa"; voltage_offset
+    /// is added to all voltages. Several can be given
+    #[arg(long, value_name = "KEY")]
+    free: Vec<String>,
+    #[command(flatten)]
+    mesh: MeshArguments,
     /// A law to fit: neo-hookean, gent, yeoh, mooney-rivlin, arruda-boyce, ogden or ogden:N with N terms; several are
     /// compared [default: all, ogden with 1 to 3 terms]
-    #[arg(long = "law", value_name = "LAW", value_parser = law)]
+    #[arg(long = "law", value_name = "LAW", value_parser = law, conflicts_with = "free")]
     laws: Vec<LawKind>,
     /// Standard deviation of the stresses of files without a column sigma_kPa, as in "3 %" or "2 kPa" [default:
     /// unknown]
     #[arg(long, value_name = "SIGMA", value_parser = sigma, conflicts_with = "absolute")]
     sigma: Option<StatedSigma>,
     /// Take the unknown noise as equal at all points, and not in proportion to the stress
-    #[arg(long)]
+    #[arg(long, conflicts_with = "free")]
     absolute: bool,
     /// The largest number of viscoelastic branches, which relaxation compares
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = integer::<u64>(0..=MOST_BRANCHES))]
@@ -72,36 +85,91 @@ pub struct FitArguments {
     output: Option<PathBuf>,
 }
 
-/// A file with its test.
+/// The mesh of the simulations of devices.
+#[derive(Debug, Args)]
+pub struct MeshArguments {
+    /// Elements along one side of a cell, for devices [default: 1, and more until parameters no longer change]
+    #[arg(long, value_name = "N", value_parser = integer::<u64>(1..=8), help_heading = METHOD)]
+    elements_per_cell: Option<u64>,
+    /// Polynomial order of the elements, for devices [default: 2]
+    #[arg(long, value_name = "N", value_parser = integer::<u64>(1..=2), help_heading = METHOD)]
+    order: Option<u64>,
+}
+
+/// The heading of options about the numerical method.
+const METHOD: &str = "Method";
+
+/// The relative residual of simulations, whose errors must not look like those of measurements.
+const RESIDUAL: f64 = 1e-10;
+
+impl MeshArguments {
+    /// Returns mesh and tolerance.
+    pub fn options(&self) -> SolveOptions {
+        let order = match self.order {
+            Some(1) => Order::Bilinear,
+            _ => Order::Biquadratic,
+        };
+        SolveOptions {
+            mesh: Mesh::new(self.elements_per_cell.unwrap_or(1) as usize, order),
+            tolerance: RESIDUAL,
+        }
+    }
+
+    /// Returns whether the mesh is chosen.
+    pub fn is_chosen(&self) -> bool {
+        self.elements_per_cell.is_some()
+    }
+}
+
+/// A file of measurements, or a list of them.
 #[derive(Clone, Debug)]
-struct MeasuredFile {
-    test: Test,
-    name: String,
+enum FileArgument {
+    /// A file with its test.
+    Curve { test: Test, name: String },
+    /// A list in YAML.
+    List(PathBuf),
+}
+
+impl FileArgument {
+    fn name(&self) -> String {
+        match self {
+            Self::Curve { name, .. } => name.clone(),
+            Self::List(path) => path.display().to_string(),
+        }
+    }
 }
 
 /// A stated standard deviation.
 #[derive(Clone, Copy, Debug)]
 struct StatedSigma(Noise);
 
-/// The words of tests.
-const TESTS: [(&str, Test); 3] = [
-    ("uniaxial", Test::Uniaxial),
-    ("equibiaxial", Test::Equibiaxial),
-    ("pure-shear", Test::PureShear),
-];
-
-fn measured_file(text: &str) -> Result<MeasuredFile, String> {
-    let tests = || TESTS.map(|(word, _)| word).join(", ");
+fn measured_file(text: &str) -> Result<FileArgument, String> {
     let Some((word, name)) = text.split_once('=') else {
-        return Err(format!("name the test, as in uniaxial={text}; allowed: {}", tests()));
+        let is_list = |ending: &str| text.to_ascii_lowercase().ends_with(ending);
+        return match is_list(".yaml") || is_list(".yml") {
+            true => Ok(FileArgument::List(PathBuf::from(text))),
+            false => Err(format!(
+                "name the test, as in uniaxial={text}; allowed: {}; others in a list in YAML",
+                tests()
+            )),
+        };
     };
-    match TESTS.iter().find(|(known, _)| *known == word) {
-        Some((_, test)) => Ok(MeasuredFile {
-            test: *test,
+    match Measurement::from_name(word).and_then(Measurement::of_specimen) {
+        Some(test) => Ok(FileArgument::Curve {
+            test,
             name: name.to_owned(),
         }),
-        None => Err(format!("{word} is no test; allowed: {}", tests())),
+        None => Err(format!(
+            "{word} is no test of a specimen; allowed: {}; others in a list in YAML",
+            tests()
+        )),
     }
+}
+
+/// The words of tests of specimens.
+fn tests() -> String {
+    let of_specimens = Measurement::ALL.into_iter().filter(|one| one.of_specimen().is_some());
+    of_specimens.map(Measurement::name).collect::<Vec<_>>().join(", ")
 }
 
 fn law(text: &str) -> Result<LawKind, String> {
@@ -132,21 +200,57 @@ fn sigma(text: &str) -> Result<StatedSigma, String> {
     }
 }
 
+impl FitArguments {
+    /// Reads the lists of measured files.
+    fn lists(&self) -> Result<Vec<(MeasuredFile, Node)>, CliError> {
+        let mut all = Vec::new();
+        for file in &self.files {
+            if let FileArgument::List(path) = file {
+                all.extend(MeasuredFile::load(path)?);
+            }
+        }
+        Ok(all)
+    }
+
+    /// Adds the curves that are not in a list to those that are.
+    fn with_curves(&self, lists: Vec<(MeasuredFile, Node)>) -> Result<Vec<(MeasuredFile, Node)>, CliError> {
+        let mut all = lists;
+        let sigma = self.sigma.map(|StatedSigma(noise)| match noise {
+            Noise::Share(share) => format!("{} %", 100.0 * share),
+            Noise::Stress(pa) => format!("{pa} Pa"),
+            Noise::Relative | Noise::Absolute => String::new(),
+        });
+        for file in &self.files {
+            if let FileArgument::Curve { test, name } = file {
+                all.push(MeasuredFile::curve(name, *test, sigma.as_deref())?);
+            }
+        }
+        Ok(all)
+    }
+}
+
 /// What was fitted.
 enum Fitted {
     Laws(Vec<Curve>, Vec<Candidate>),
-    Branches(Vec<Relaxation>, Vec<RelaxationFit>),
+    Branches(Vec<HistoryCurve>, Vec<RelaxationFit>),
 }
 
 pub fn execute(arguments: &FitArguments, output: &Output) -> Result<Exit, CliError> {
-    let names: Vec<String> = arguments.files.iter().map(|file| file.name.clone()).collect();
+    let lists = arguments.lists()?;
+    let of_lists = lists.iter().flat_map(|(file, node)| file.paths(node));
+    let of_lists = of_lists.map(|path| path.display().to_string());
+    let names: Vec<String> = arguments.files.iter().map(FileArgument::name).chain(of_lists).collect();
     if let Some(file) = &arguments.output {
         let inputs = [names, direct::files_read(&arguments.scene)].concat();
         write::check_output(file, &inputs)?;
         write::check_not_read(&file.with_extension("png"), &inputs)?;
     }
+    let has_device = lists.iter().any(|(file, _)| file.test.of_specimen().is_none());
+    if has_device || !arguments.free.is_empty() {
+        return scene::execute(arguments, &arguments.with_curves(lists)?, output);
+    }
     let scene = direct::read_scene(&arguments.scene)?;
-    let fitted = fit(arguments)?;
+    let fitted = fit(arguments, &lists, &scene)?;
     let (Some(sets), mut warnings) = (fitted.sets(&scene), fitted.warnings()) else {
         return Err(CliError::bad_input("no law fits the curves").help(fitted.verdicts().join("; ")));
     };
@@ -166,7 +270,7 @@ pub fn execute(arguments: &FitArguments, output: &Output) -> Result<Exit, CliErr
     warnings.iter().for_each(|warning| output.warn(warning));
     let mut files = Vec::new();
     if let Some((file, own)) = arguments.output.as_ref().zip(own.as_ref()) {
-        write::file(file, fitted.yaml(own, &arguments.files).as_bytes())?;
+        write::file(file, fitted.yaml(own).as_bytes())?;
         files.push(file.clone());
         let draw = |path: &Path| fitted.draw(path);
         files.extend(write::drawn(file.with_extension("png"), draw, output));
@@ -189,22 +293,32 @@ pub fn execute(arguments: &FitArguments, output: &Output) -> Result<Exit, CliErr
 }
 
 /// Reads the files and fits them.
-fn fit(arguments: &FitArguments) -> Result<Fitted, CliError> {
+fn fit(arguments: &FitArguments, lists: &[(MeasuredFile, Node)], scene: &Scene) -> Result<Fitted, CliError> {
     let noise = match (arguments.sigma, arguments.absolute) {
         (Some(StatedSigma(noise)), _) => noise,
         (None, true) => Noise::Absolute,
         (None, false) => Noise::Relative,
     };
-    let (mut curves, mut relaxations) = (Vec::new(), Vec::new());
-    for file in &arguments.files {
-        match read(&file.name, file.test, noise)? {
+    let (mut curves, mut histories) = (Vec::new(), Vec::new());
+    let given = arguments.files.iter().filter_map(|file| match file {
+        FileArgument::Curve { test, name } => Some((name.clone(), *test, noise)),
+        FileArgument::List(_) => None,
+    });
+    let mut all: Vec<(String, Test, Noise)> = given.collect();
+    for (file, node) in lists {
+        let test = file.test.of_specimen().unwrap_or(Test::Uniaxial);
+        let own = file.noise_of_stress()?.unwrap_or(noise);
+        all.push((path_of(node, file.file()).display().to_string(), test, own));
+    }
+    for (name, test, noise) in all {
+        match read(&name, test, noise)? {
             Measured::Curve(curve) => curves.push(curve),
-            Measured::Relaxation(relaxation) => relaxations.push(relaxation),
+            Measured::History(history) => histories.push(history),
         }
     }
     let refused = |error: FitError| CliError::bad_input(error.to_string());
     let options = Options::default();
-    match (curves.is_empty(), relaxations.is_empty()) {
+    match (curves.is_empty(), histories.is_empty()) {
         (false, true) => {
             let laws = match arguments.laws.is_empty() {
                 true => &LAWS[..],
@@ -214,8 +328,10 @@ fn fit(arguments: &FitArguments) -> Result<Fitted, CliError> {
             Ok(Fitted::Laws(curves, found))
         }
         (true, false) => {
-            let found = fit_relaxation(&relaxations, arguments.branches as usize, &options).map_err(refused)?;
-            Ok(Fitted::Branches(relaxations, found))
+            let elastomer = elastomer(scene, &arguments.laws)?;
+            histories.iter_mut().for_each(|history| history.elastomer = elastomer);
+            let found = fit_histories(&histories, arguments.branches as usize, &options).map_err(refused)?;
+            Ok(Fitted::Branches(histories, found))
         }
         _ => Err(
             CliError::bad_input("curves at equilibrium and relaxation cannot be fitted at once")
@@ -224,12 +340,43 @@ fn fit(arguments: &FitArguments) -> Result<Fitted, CliError> {
     }
 }
 
+/// Returns the elastomer of relaxation: with the given law or that of the scene, and its viscous law.
+fn elastomer(scene: &Scene, laws: &[LawKind]) -> Result<Elastomer, CliError> {
+    let (effects, properties) = (&scene.effects, &scene.properties);
+    let own = effects
+        .strain_stiffening
+        .as_ref()
+        .or(properties.strain_stiffening.as_ref());
+    let law = match (laws, own) {
+        ([law], _) => *law,
+        ([], None) => LawKind::NeoHookean,
+        ([], Some(own)) => {
+            let known = LAWS.into_iter().find(|law| law.name() == own.word());
+            known.unwrap_or(LawKind::NeoHookean)
+        }
+        (..) => return Err(CliError::bad_input("relaxation is fitted with one law").help("name one with --law")),
+    };
+    let viscous = effects.viscoelasticity.as_ref().or(properties.viscoelasticity.as_ref());
+    Ok(Elastomer {
+        viscous: match viscous.map(|viscous| viscous.law) {
+            Some(deaflow_scene::ViscousLaw::Finite) => ViscousLaw::Finite,
+            Some(deaflow_scene::ViscousLaw::Linear) | None => ViscousLaw::Linear,
+        },
+        ..Elastomer::elastic(law)
+    })
+}
+
 /// A parameter and the factor and the unit in which people read it.
 fn unit_of(name: &str) -> (f64, &'static str) {
-    let base = name.split('_').next().unwrap_or(name);
-    match base {
-        "shear" | "g" | "c2" | "c3" => (1e-3, " kPa"),
-        "tau" => (1.0, " s"),
+    let is_stress = |start: &&str| name.starts_with(*start);
+    match name {
+        _ if ["shear_modulus", "branch_modulus", "g_", "c2", "c3"]
+            .iter()
+            .any(|start| is_stress(&start)) =>
+        {
+            (1e-3, " kPa")
+        }
+        _ if name.starts_with("branch_time") => (1.0, " s"),
         _ => (1.0, ""),
     }
 }
@@ -256,21 +403,6 @@ fn with_interval(parameter: &Parameter) -> String {
         None => String::new(),
     };
     format!("{} {}{unit}{interval}", parameter.name, value(parameter.value))
-}
-
-/// Rounds a value to a thousandth of its standard error, so that another processor gives the same scene.
-fn rounded(parameter: &Parameter) -> f64 {
-    let error = parameter.standard_error.map(|error| match parameter.logarithmic {
-        true => error * parameter.value.abs(),
-        false => error,
-    });
-    let step = 1e-3
-        * error
-            .filter(|error| *error > 0.0)
-            .unwrap_or(1e-6 * parameter.value.abs());
-    let decimals = (-step.log10().floor()).clamp(0.0, 15.0) as usize;
-    let text = format!("{:.decimals$}", parameter.value);
-    text.parse().unwrap_or(parameter.value)
 }
 
 /// Writes the root mean square of residuals.
@@ -352,41 +484,43 @@ impl Fitted {
     /// Returns the overrides that make a scene have the fitted elastomer.
     fn sets(&self, scene: &Scene) -> Option<Vec<String>> {
         let section = if scene.auto { "properties" } else { "effects" };
-        let (modulus, key, value) = match self {
-            Self::Laws(..) => {
-                let fit = self.chosen_law()?;
-                let values: Vec<f64> = fit.estimate.parameters.iter().map(rounded).collect();
-                let law = fit.law.kind().with(&values)?;
-                let has_law = match scene.auto {
-                    true => scene.properties.strain_stiffening.is_some(),
-                    false => scene.effects.strain_stiffening.is_some(),
-                };
-                let value = match stiffening(&law) {
-                    None if !has_law => None,
-                    value => Some(value.unwrap_or_else(|| "null".to_owned())),
-                };
-                // That of the other laws is their first parameter, for Arruda and Boyce not the modulus at rest.
-                let modulus = match law {
-                    Law::Ogden(_) => law.modulus_at_rest()?,
-                    _ => *values.first()?,
-                };
-                (modulus, "strain_stiffening", value)
-            }
-            Self::Branches(_, fits) => {
-                let parameters = &fits.first()?.estimate.parameters;
-                let (modulus, branches) = parameters.split_first()?;
-                let branch = |pair: &[Parameter]| {
-                    let [g, tau] = [&pair[0], &pair[1]].map(rounded);
-                    format!("{{ modulus: {g} Pa, time: {tau} s }}")
-                };
-                let branches: Vec<String> = branches.chunks_exact(2).map(branch).collect();
-                let value = (!branches.is_empty()).then(|| format!("{{ branches: [{}] }}", branches.join(", ")));
-                (rounded(modulus), "viscoelasticity", value)
-            }
+        let (kind, estimate) = match self {
+            Self::Laws(..) => self.chosen_law().map(|fit| (fit.law.kind(), &fit.estimate))?,
+            Self::Branches(_, fits) => fits.first().map(|fit| (fit.elastomer.law, &fit.estimate))?,
         };
-        let modulus = format!("material.shear_modulus={modulus} Pa");
-        let law = value.map(|value| format!("{section}.{key}={value}"));
-        Some(std::iter::once(modulus).chain(law).collect())
+        let values: Vec<f64> = estimate.parameters.iter().map(rounded).collect();
+        let (of_law, of_branches) = values.split_at(kind.parameters().len());
+        let law = kind.with(of_law)?;
+        let has_law = match scene.auto {
+            true => scene.properties.strain_stiffening.is_some(),
+            false => scene.effects.strain_stiffening.is_some(),
+        };
+        let stiffening = match stiffening(&law) {
+            None if !has_law => None,
+            value => Some(value.unwrap_or_else(|| "null".to_owned())),
+        };
+        // That of the other laws is their first parameter, for Arruda and Boyce not the modulus at rest.
+        let modulus = match law {
+            Law::Ogden(_) => law.modulus_at_rest()?,
+            _ => *values.first()?,
+        };
+        let branch = |pair: &[f64]| format!("{{ modulus: {} Pa, time: {} s }}", pair[0], pair[1]);
+        let branches: Vec<String> = of_branches.chunks_exact(2).map(branch).collect();
+        let viscous = match self {
+            Self::Branches(_, fits) => fits.first().map(|fit| match fit.elastomer.viscous {
+                ViscousLaw::Linear => "linear",
+                ViscousLaw::Finite => "finite",
+            }),
+            Self::Laws(..) => None,
+        };
+        let viscous = viscous.filter(|_| !branches.is_empty());
+        let viscous = viscous.map(|law| format!("{{ law: {law}, branches: [{}] }}", branches.join(", ")));
+        let all = [
+            Some(format!("material.shear_modulus={modulus} Pa")),
+            stiffening.map(|value| format!("{section}.strain_stiffening={value}")),
+            viscous.map(|value| format!("{section}.viscoelasticity={value}")),
+        ];
+        Some(all.into_iter().flatten().collect())
     }
 
     /// What a user should know before using the fit.
@@ -396,6 +530,8 @@ impl Fitted {
         };
         let law = self.chosen_law();
         let mut warnings = Vec::new();
+        let own = law.iter().flat_map(|fit| &fit.warnings);
+        warnings.extend(own.map(ToString::to_string));
         if *verdict != Verdict::Determined {
             let name = law.map_or_else(String::new, |fit| format!("{}: ", fit.law.kind().name()));
             warnings.push(format!("{name}{verdict}"));
@@ -527,16 +663,22 @@ impl Fitted {
     }
 
     /// Returns the fitted scene, with a comment on its source.
-    fn yaml(&self, scene: &Scene, files: &[MeasuredFile]) -> String {
+    fn yaml(&self, scene: &Scene) -> String {
         let parameters = self
             .chosen()
             .into_iter()
             .flat_map(|(estimate, ..)| &estimate.parameters);
         let parameters: Vec<String> = parameters.map(with_interval).collect();
-        let files: Vec<String> = files
-            .iter()
-            .map(|file| format!("{} ({})", file.name, file.test.name()))
-            .collect();
+        let files: Vec<String> = match self {
+            Self::Laws(curves, _) => curves
+                .iter()
+                .map(|own| format!("{} ({})", own.name, own.test.name()))
+                .collect(),
+            Self::Branches(curves, _) => curves
+                .iter()
+                .map(|own| format!("{} ({})", own.name, own.test.name()))
+                .collect(),
+        };
         format!(
             "# The elastomer is fitted by `deaflow fit` to {}.\n# With intervals of 95 %: {}.\n{}",
             files.join(", "),
@@ -568,20 +710,16 @@ impl Fitted {
                 (name, "stretch", curves.iter().map(of).collect())
             }
             Self::Branches(curves, fits) => {
-                let of = |curve: &Relaxation| {
+                let of = |curve: &HistoryCurve| {
                     let latest = curve.time_s.iter().copied().fold(0.0, f64::max);
-                    let stress = |time: f64| Some(1e-3 * fits.first()?.stress(curve.test, curve.stretch, time));
+                    let times: Vec<f64> = between(0.0, latest).collect();
+                    let stresses = fits
+                        .first()
+                        .and_then(|fit| fit.stresses(curve.test, &curve.history, &times).ok());
                     FittedCurve {
-                        name: format!(
-                            "{} ({}, stretch {})",
-                            curve.name,
-                            curve.test.name(),
-                            digits(curve.stretch)
-                        ),
+                        name: format!("{} ({})", curve.name, curve.test.name()),
                         measured: pairs(&curve.time_s, &curve.stress_pa),
-                        fitted: between(0.0, latest)
-                            .filter_map(|time| Some((time, stress(time)?)))
-                            .collect(),
+                        fitted: pairs(&times, &stresses.unwrap_or_default()),
                     }
                 };
                 ("relaxation".to_owned(), "time, s", curves.iter().map(of).collect())

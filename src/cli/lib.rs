@@ -13,6 +13,8 @@ mod check;
 mod cluster;
 mod columns;
 mod commands;
+mod compare;
+mod compared;
 mod copy;
 mod csv;
 mod dag;

@@ -223,6 +223,20 @@ impl<'a> Prepared<'a> {
         }
     }
 
+    /// Returns the numbers of the model, without those of curves at rest; none of fields.
+    pub fn simulated(&self, values: &[f64]) -> Option<Vec<f64>> {
+        match &self.numbers {
+            Numbers::Single { response, .. } => Some(
+                response
+                    .respond(values)?
+                    .into_iter()
+                    .map(|(number, _)| number)
+                    .collect(),
+            ),
+            Numbers::Field(_) => Some(Vec::new()),
+        }
+    }
+
     /// Returns the residuals with their derivatives; `None` without a state.
     pub fn residuals(&self, values: &[f64]) -> Option<Vec<Number>> {
         match &self.numbers {

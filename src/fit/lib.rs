@@ -55,5 +55,5 @@ pub use simulation::{Evaluate, NumberData, Simulated, Simulation};
 pub use solution::{Estimate, Parameter, Profiles};
 pub use stability::Stability;
 pub use statistics::{Direction, Information};
-pub use together::{JointFit, JointOptions, SetResult, fit_together};
+pub use together::{JointFit, JointOptions, SetResult, fit_together, simulate};
 pub use warning::Warning;

@@ -105,6 +105,25 @@ pub fn fit_together(
     })
 }
 
+/// Returns the numbers of a model of a specimen or a sheet for values of its parameters by name.
+///
+/// # Errors
+/// When the set is not valid, a parameter is missing, or there is no state.
+pub fn simulate(set: &DataSet<'_>, values: &[(String, f64)]) -> Result<Vec<f64>, FitError> {
+    let prepared = Prepared::new(set, &|_| false)?;
+    let values: Vec<f64> = sources(&prepared, &[], values)?
+        .into_iter()
+        .map(|source| match source {
+            Source::Fixed(value) => value,
+            Source::Free(_) => f64::NAN,
+        })
+        .collect();
+    let none = || FitError::NoState {
+        set: prepared.name.to_owned(),
+    };
+    prepared.simulated(&values).ok_or_else(none)
+}
+
 /// Returns the starts of the searches.
 fn starts(parameters: &[FreeParameter], options: &JointOptions) -> Result<Vec<Vec<f64>>, FitError> {
     let mut starts = vec![parameters.iter().map(|parameter| parameter.start).collect::<Vec<f64>>()];

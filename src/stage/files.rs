@@ -14,6 +14,14 @@ const KEY: &str = "files";
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FileName(String);
 
+impl FileName {
+    /// Returns the name.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
 impl Parameter for FileName {
     type Limits = ();
     type Literal = Self;

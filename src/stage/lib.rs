@@ -12,6 +12,7 @@ mod evaluate;
 mod files;
 mod import;
 mod labelled;
+pub mod measured;
 mod model;
 mod needed;
 mod patterns;

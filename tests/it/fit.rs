@@ -159,6 +159,18 @@ fn relaxation_gives_branches() {
     );
     let ended = workspace.run(&["fit", "creeping.yaml", "uniaxial=relax.csv"]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    // A fast ramp is nearly a step; the rows say how the specimen is stretched.
+    let ramp = format!(
+        "time_s,stretch,nominal_stress_kPa\n0.0001,2,{}\n{}\n",
+        stress(0.0) * 1.75,
+        rows.join("\n")
+    );
+    workspace.write("ramp.csv", &ramp.replace("0.0001,2,", "0.0001,1.99999,"));
+    let found = fitted(&workspace, &["uniaxial=ramp.csv", "--law", "neo-hookean"]);
+    let again = found["relaxation"][0]["parameters"].as_array().unwrap();
+    for (found, known) in again.iter().zip(&values) {
+        assert!((number(&found["value"]) / known - 1.0).abs() < 0.02, "{found}");
+    }
 }
 
 #[test]
@@ -172,7 +184,7 @@ fn curves_that_cannot_be_fitted_are_refused_with_the_reason() {
         ("flat.csv", "stretch,nominal_stress_kPa\n1,0\n1,0\n"),
         ("word.csv", "stretch,nominal_stress_kPa\n1.1,2\n1.2,many\n"),
         ("negative.csv", "stretch,nominal_stress_kPa\n1.1,-2\n1.2,-3\n1.3,-4\n"),
-        ("steps.csv", "time_s,stretch,nominal_stress_kPa\n1,1.1,2\n2,1.2,3\n"),
+        ("back.csv", "time_s,stretch,nominal_stress_kPa\n2,1.1,2\n1,1.2,3\n"),
     ] {
         workspace.write(name, text);
     }
@@ -190,7 +202,7 @@ fn curves_that_cannot_be_fitted_are_refused_with_the_reason() {
         (&["uniaxial=flat.csv"], "all stretches are 1"),
         (&["uniaxial=word.csv"], "line 3"),
         (&["uniaxial=negative.csv"], "wrong sign"),
-        (&["uniaxial=steps.csv"], "that after a sudden step"),
+        (&["uniaxial=back.csv"], "the time is before that of the row above"),
         (&["uniaxial=uniaxial.csv", "--law", "hooke"], "allowed: neo-hookean"),
         (&["uniaxial=uniaxial.csv", "--sigma", "0 %"], "is not positive"),
         (&["uniaxial=uniaxial.csv", "-o", "scene.yaml"], "scene.yaml"),
@@ -216,4 +228,207 @@ fn curves_that_cannot_be_fitted_are_refused_with_the_reason() {
         found["laws"].to_string().contains("2 points cannot determine 3"),
         "{found}"
     );
+}
+
+const DEVICE: &str = "geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 20 }
+material: { model: neo-hookean, shear_modulus: 60 kPa, relative_permittivity: 4.7 }
+drive: { voltage: 4 kV }
+effects: {}
+";
+
+/// Simulates measurements at 41.3 kPa and a supply that shows 0.12 kV too much, with noise of 5 µm.
+fn with_device() -> Workspace {
+    let workspace = Workspace::new();
+    workspace.write("device.yaml", DEVICE);
+    let half = (0..20).map(|_| format!("{}\n", [["1"; 10], ["0"; 10]].concat().join(",")));
+    workspace.write("half.csv", &half.collect::<String>());
+    let points: String = (0..81)
+        .map(|k| format!("{},{},0,0\n", 5 + k % 9 * 5, 5 + k / 9 * 5))
+        .collect();
+    workspace.write("zeros.csv", &format!("x_mm,y_mm,ux_mm,uy_mm\n{points}"));
+    let mut list = "files:\n".to_owned();
+    for kilovolts in [3, 4, 5] {
+        let actual = f64::from(kilovolts) - 0.12;
+        workspace.write(
+            "truth.yaml",
+            &format!("files: [ {{ file: zeros.csv, test: field, pattern: half.csv, voltage: {actual} kV }} ]"),
+        );
+        let modulus = "material.shear_modulus=41.3 kPa";
+        let ended = workspace.run(&[
+            "compare",
+            "device.yaml",
+            "truth.yaml",
+            "--set",
+            modulus,
+            "-o",
+            "truth.csv",
+        ]);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        let table = std::fs::read_to_string(workspace.path("truth.csv")).unwrap();
+        let rows: Vec<Vec<&str>> = table.lines().skip(1).map(|line| line.split(',').collect()).collect();
+        let mut field = "x_mm,y_mm,ux_um,uy_um\n".to_owned();
+        for (number, pair) in rows.chunks_exact(2).enumerate() {
+            let noise = |c: usize| 5.0 * 2.0_f64.sqrt() * (2.3 * ((2 * number + c + 1) as f64).powi(2)).sin();
+            let seen = [0, 1].map(|c: usize| 1e3 * pair[c][9].parse::<f64>().unwrap() + noise(c));
+            field += &format!("{},{},{},{}\n", pair[0][2], pair[0][3], seen[0], seen[1]);
+        }
+        workspace.write(&format!("dic-{kilovolts}.csv"), &field);
+        list += &format!(
+            "  - {{ file: dic-{kilovolts}.csv, test: field, pattern: half.csv, voltage: {kilovolts} kV, sigma: 5 um }}\n"
+        );
+    }
+    workspace.write("measured.yaml", &list);
+    workspace
+}
+
+#[test]
+fn fields_of_a_device_give_its_modulus_and_the_offset_of_the_supply() {
+    let workspace = with_device();
+    let free = ["--free", "shear_modulus", "--free", "voltage_offset"];
+    let arguments = [
+        &["fit", "device.yaml", "measured.yaml", "--json", "-o", "known.yaml"],
+        &free[..],
+    ]
+    .concat();
+    let found = workspace.run(&arguments);
+    assert_eq!(found.code, Some(0), "{}", found.stderr);
+    let found = found.json();
+    for (at, truth) in [(0, 41.3e3), (1, -120.0)] {
+        let parameter = &found["parameters"][at];
+        let interval = [0, 1].map(|end| number(&parameter["interval"][end]));
+        let width = interval[1] - interval[0];
+        assert!(
+            (number(&parameter["value"]) - truth).abs() < width && width < 0.5 * truth.abs(),
+            "{parameter}"
+        );
+    }
+    assert_eq!(
+        (&found["verdict"], &found["compared"][2]["points"]),
+        (&"determined".into(), &81.into())
+    );
+    assert!(
+        found["warnings"].to_string().contains("add −0.1"),
+        "{}",
+        found["warnings"]
+    );
+    // The mesh of the truth is that of the first fit.
+    assert!(number(&found["mesh_shift"]) < 1.0, "{}", found["mesh_shift"]);
+    let text = std::fs::read_to_string(workspace.path("known.yaml")).unwrap();
+    assert!(
+        text.starts_with("# Fitted by `deaflow fit` to dic-3.csv (field)"),
+        "{text}"
+    );
+    // Without the offset, the fitted scene is at a voltage that is too high.
+    let compared = workspace
+        .run(&["compare", "known.yaml", "measured.yaml", "--json"])
+        .json();
+    let chi2 = |compared: &Value| number(&compared["chi2_per_dof"]);
+    assert!(
+        chi2(&found["compared"][0]) < 1.3 && chi2(&compared["compared"][0]) > 2.0,
+        "{compared}"
+    );
+    let offset = format!("{} V", found["parameters"][1]["value"]);
+    let corrected = [
+        "compare",
+        "known.yaml",
+        "measured.yaml",
+        "--json",
+        "--effects",
+        "--voltage-offset",
+        offset.as_str(),
+    ];
+    let corrected = workspace.run(&corrected).json();
+    assert!(
+        (chi2(&corrected["compared"][0]) - chi2(&found["compared"][0])).abs() < 0.01,
+        "{corrected}"
+    );
+    let fringe = corrected["effects"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|one| one["effect"] == "fringe_field");
+    assert!(number(&fringe.unwrap()["rms"][2]) < 0.01, "{corrected}");
+    let people = workspace.run(&["compare", "known.yaml", "measured.yaml", "-o", "seen.csv"]);
+    assert!(
+        people.stdout.contains("motion of the camera") && people.stdout.contains("χ²/dof"),
+        "{}",
+        people.stdout
+    );
+    let table = std::fs::read_to_string(workspace.path("seen.csv")).unwrap();
+    assert_eq!(table.lines().count(), 1 + 3 * 81 * 2);
+    assert!(workspace.path("known.png").exists() && workspace.path("seen.png").exists());
+}
+
+#[test]
+fn a_fit_to_a_device_says_what_it_lacks() {
+    let workspace = with_device();
+    workspace.write(
+        "one.yaml",
+        "files: [ { file: dic-4.csv, test: field, pattern: half.csv, voltage: 4 kV, sigma: 5 um } ]",
+    );
+    workspace.write("odd.yaml", "files: [ { file: dic-4.csv, test: field } ]");
+    workspace.write(
+        "far.yaml",
+        "files: [ { file: dic-4.csv, test: field, pattern: half.csv, voltage: 9 kV } ]",
+    );
+    let free = ["--free", "shear_modulus"];
+    for (arguments, says) in [
+        (&["one.yaml"][..], "needs free parameters"),
+        (&["one.yaml", "--free", "shear"], "no such number"),
+        (&["odd.yaml", free[0], free[1]], "pattern"),
+        (&["far.yaml", free[0], free[1]], "no state to start from at 9.000 kV"),
+        (&["none.yaml", free[0], free[1]], "none.yaml"),
+        (&["one.yaml", free[0], free[1], "-o", "dic-4.csv"], "dic-4.csv"),
+        (&["field=dic-4.csv", free[0], free[1]], "field is no test of a specimen"),
+    ] {
+        let ended = workspace.run(&[&["fit", "device.yaml"], arguments].concat());
+        let flat = ended.stderr.replace("\n  │ ", " ");
+        assert!(
+            ended.code == Some(2) && flat.contains(says),
+            "{arguments:?}: {:?} {}",
+            ended.code,
+            ended.stderr
+        );
+    }
+    // What is read is not overwritten, neither by the table nor by the figure next to it.
+    for name in ["dic-4.csv", "half.csv", "one.yaml"] {
+        let before = std::fs::read(workspace.path(name)).unwrap();
+        let ended = workspace.run(&["compare", "device.yaml", "one.yaml", "-o", name]);
+        assert_eq!(ended.code, Some(2), "{name}: {}", ended.stderr);
+        assert!(std::fs::read(workspace.path(name)).unwrap() == before, "{name}");
+    }
+    let both = ["--free", "shear_modulus", "--free", "voltage_offset"];
+    let ended = workspace.run(&[&["fit", "device.yaml", "one.yaml"], &both[..]].concat());
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert!(ended.stderr.contains("do not determine"), "{}", ended.stderr);
+}
+
+/// Curves of specimens are fitted with a device, and are shown with the fitted law and not with that of the first scene.
+#[test]
+fn a_curve_and_a_field_are_fitted_together() {
+    let workspace = with_device();
+    let rows = [1.2, 1.5, 2.0, 2.5].map(|l: f64| format!("{l},{}\n", 41.3 * (l - l.powi(-2))));
+    workspace.write("ut.csv", &format!("stretch,nominal_stress_kPa\n{}", rows.concat()));
+    let arguments = [
+        "fit",
+        "device.yaml",
+        "measured.yaml",
+        "uniaxial=ut.csv",
+        "--sigma",
+        "1 %",
+        "--json",
+    ];
+    let free = ["--free", "shear_modulus", "--free", "voltage_offset"];
+    let ended = workspace.run(&[&arguments[..], &free[..]].concat());
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let found = ended.json();
+    let modulus = &found["parameters"][0];
+    assert!((number(&modulus["value"]) / 41.3e3 - 1.0).abs() < 0.02, "{modulus}");
+    let curve = &found["compared"][3];
+    assert!(
+        curve["file"] == "ut.csv" && number(&curve["r_squared"]) > 0.99,
+        "{curve}"
+    );
+    let refused = workspace.run(&[&arguments[..], &free[..], &["--law", "gent"]].concat());
+    assert_eq!(refused.code, Some(2), "{}", refused.stderr);
 }

@@ -18,6 +18,11 @@ pub struct FittedCurve {
 /// # Errors
 /// If there is no point, or a number is not finite.
 pub fn fit_sheet(title: &str, labels: [&str; 2], curves: &[FittedCurve]) -> Result<Sheet, FigureError> {
+    Ok(Sheet::charts(1, &[chart(title, labels, curves)?]))
+}
+
+/// As [`fit_sheet`], without a sheet.
+pub(super) fn chart(title: &str, labels: [&str; 2], curves: &[FittedCurve]) -> Result<Chart, FigureError> {
     let points = || {
         curves
             .iter()
@@ -34,8 +39,5 @@ pub fn fit_sheet(title: &str, labels: [&str; 2], curves: &[FittedCurve]) -> Resu
         ]
     });
     let axes = [Axis::between(labels[0], &across), Axis::between(labels[1], &up)];
-    Ok(Sheet::charts(
-        1,
-        &[Chart::new(title, axes, series.collect()).with_size(LARGE)],
-    ))
+    Ok(Chart::new(title, axes, series.collect()).with_size(LARGE))
 }

@@ -2,14 +2,12 @@
 
 use std::path::Path;
 
-use deaflow_base::{InputError, Table, TableError, listed};
-use deaflow_fit::{Curve, Relaxation, Sigma, Test};
+use super::columns::{Column, Header, STRESS};
+use deaflow_base::{InputError, Table, TableError};
+use deaflow_fit::{Curve, Elastomer, HistoryCurve, LawKind, Sigma, Test};
 
 /// The largest file in bytes.
 const MOST_BYTES: u64 = 64 << 20;
-
-/// Units of stress, with their size in Pa.
-const UNITS: [(&str, f64); 5] = [("Pa", 1.0), ("kPa", 1e3), ("MPa", 1e6), ("GPa", 1e9), ("N/mm2", 1e6)];
 
 /// What the noise of files without a column of standard deviations is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,15 +26,16 @@ pub enum Noise {
 pub enum Measured {
     /// Stresses at stretches.
     Curve(Curve),
-    /// Stresses at times after a step to a stretch.
-    Relaxation(Relaxation),
+    /// Stresses along a history of stretch, such as a sudden step; the law of the elastomer is a placeholder.
+    History(HistoryCurve),
 }
 
 /// The columns of a file.
 struct Columns {
     stretch: (usize, Deformation),
-    stress: (usize, f64, bool),
-    sigma: Option<(usize, f64)>,
+    /// The column, and whether it has true stresses.
+    stress: (Column, bool),
+    sigma: Option<Column>,
     time: Option<usize>,
 }
 
@@ -61,25 +60,25 @@ impl Deformation {
 /// Reads a file.
 ///
 /// # Errors
-/// When it cannot be read, lacks a column or a unit, or is not of one stretch after a step.
+/// When it cannot be read, lacks a column or a unit, or its times fall.
 pub fn read(name: &str, test: Test, noise: Noise) -> Result<Measured, InputError> {
     let refused = |why: &str| InputError::new(format!("{name}: {why}")).help(COLUMNS);
     let wrong = |error: TableError| refused(&error.to_string());
     let mut table = Table::open(Path::new(name), MOST_BYTES).map_err(wrong)?;
-    let header = table.header().map_err(wrong)?;
+    let header = Header::new(table.header().map_err(wrong)?);
     let columns = columns(&header).map_err(|why| refused(&why))?;
     let (mut time_s, mut stretch, mut stress_pa, mut sigma) = (vec![], vec![], vec![], vec![]);
     while let Some(row) = table.next_row().map_err(wrong)? {
         let number = |at: usize| row.number(at).map_err(wrong);
         let (at, strain) = columns.stretch;
         let own = strain.stretch(number(at)?);
-        let (at, unit, is_true) = columns.stress;
+        let (column, is_true) = columns.stress;
         // The true stress acts on the area that is left: λ₂λ₃ = 1/λ of it.
         let per_area = if is_true { own } else { 1.0 };
-        stress_pa.push(number(at)? * unit / per_area);
+        stress_pa.push(number(column.at)? * column.factor / per_area);
         stretch.push(own);
-        if let Some((at, unit)) = columns.sigma {
-            sigma.push(number(at)? * unit);
+        if let Some(column) = columns.sigma {
+            sigma.push(number(column.at)? * column.factor);
         }
         if let Some(at) = columns.time {
             time_s.push(number(at)?);
@@ -102,17 +101,27 @@ pub fn read(name: &str, test: Test, noise: Noise) -> Result<Measured, InputError
             sigma,
         }));
     }
-    let Some(step) = stretch.first().copied() else {
+    let Some(first) = stretch.first().copied() else {
         return Err(refused("the file has no rows"));
     };
-    if let Some(other) = stretch.iter().find(|other| (**other - step).abs() > 1e-6 * step) {
-        let why = format!("with `time_s` the stretch is that after a sudden step, but there are {step} and {other}");
-        return Err(refused(&why));
+    if let Some(row) = (1..time_s.len()).find(|row| time_s[*row] < time_s[*row - 1]) {
+        return Err(refused(&format!(
+            "row {}: the time is before that of the row above",
+            row + 1
+        )));
     }
-    Ok(Measured::Relaxation(Relaxation {
+    // The specimen is at rest until time 0.
+    let history = match stretch.iter().all(|other| (other - first).abs() <= 1e-6 * first) {
+        true => vec![(0.0, 1.0), (0.0, first)],
+        false => std::iter::once((0.0, 1.0))
+            .chain(time_s.iter().copied().zip(stretch))
+            .collect(),
+    };
+    Ok(Measured::History(HistoryCurve {
         name,
+        elastomer: Elastomer::elastic(LawKind::NeoHookean),
         test,
-        stretch: step,
+        history,
         time_s,
         stress_pa,
         sigma,
@@ -121,50 +130,33 @@ pub fn read(name: &str, test: Test, noise: Noise) -> Result<Measured, InputError
 
 const COLUMNS: &str = "a file needs the columns `stretch` (or `strain`, `strain_%`) and `nominal_stress_kPa` (or \
                        `true_stress_…`; Pa, kPa, MPa, GPa, N/mm2), and may have `sigma_kPa`; with `time_s` it is the \
-                       relaxation after a step";
+                       stress along that history of stretch, after a sudden step if all stretches are equal";
 
 /// Finds the columns in a header.
-fn columns(header: &[String]) -> Result<Columns, String> {
-    let find = |name: &str| header.iter().position(|own| own.eq_ignore_ascii_case(name));
-    let with_unit = |name: &str| -> Result<Option<(usize, f64)>, String> {
-        let prefix = format!("{name}_");
-        let is_named = |own: &String| {
-            own.get(..prefix.len())
-                .is_some_and(|start| start.eq_ignore_ascii_case(&prefix))
-        };
-        let Some(at) = header.iter().position(is_named) else {
-            return match find(name) {
-                Some(_) => Err(format!("the column `{name}` has no unit")),
-                None => Ok(None),
-            };
-        };
-        let unit = &header[at][prefix.len()..];
-        match UNITS.iter().find(|(known, _)| *known == unit) {
-            Some((_, pa)) => Ok(Some((at, *pa))),
-            None => Err(format!("the column `{}` has an unknown unit", header[at])),
-        }
-    };
+fn columns(header: &Header) -> Result<Columns, String> {
     let strains = [
         ("stretch", Deformation::Stretch),
         ("strain", Deformation::Strain),
         ("strain_%", Deformation::Percent),
     ];
-    let stretch = strains
-        .into_iter()
-        .find_map(|(name, strain)| Some((find(name)?, strain)));
-    let (nominal, from_true) = (with_unit("nominal_stress")?, with_unit("true_stress")?);
-    let stress = match (nominal, from_true) {
+    let mut stretch = None;
+    for (name, strain) in strains {
+        if let (None, Some(at)) = (stretch, header.plain(name)?) {
+            stretch = Some((at, strain));
+        }
+    }
+    let stress = |name| header.with_unit(name, STRESS, None);
+    let stress = match (stress("nominal_stress")?, stress("true_stress")?) {
         (Some(_), Some(_)) => return Err("the file has two columns of stresses".to_owned()),
-        (Some((at, unit)), None) => Some((at, unit, false)),
-        (None, Some((at, unit))) => Some((at, unit, true)),
+        (Some(column), None) => Some((column, false)),
+        (None, Some(column)) => Some((column, true)),
         (None, None) => None,
     };
-    let found = || listed(header);
+    let missing = |name: &str| format!("there is no column `{name}`; the columns are {}", header.listed());
     Ok(Columns {
-        stretch: stretch.ok_or_else(|| format!("there is no column `stretch`; the columns are {}", found()))?,
-        stress: stress
-            .ok_or_else(|| format!("there is no column `nominal_stress_kPa`; the columns are {}", found()))?,
-        sigma: with_unit("sigma")?,
-        time: find("time_s"),
+        stretch: stretch.ok_or_else(|| missing("stretch"))?,
+        stress: stress.ok_or_else(|| missing("nominal_stress_kPa"))?,
+        sigma: header.with_unit("sigma", STRESS, None)?,
+        time: header.plain("time_s")?,
     })
 }

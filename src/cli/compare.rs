@@ -1,0 +1,258 @@
+//! `deaflow compare`: measured beside simulated numbers.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::arguments::quantity;
+use super::compared::{document, figures, summary, with_unit};
+use super::fit::MeshArguments;
+use super::text::Text;
+use super::{CliError, Exit, Output, csv, table, write};
+use deaflow_base::Dimension;
+use deaflow_report::figures::measured_sheet;
+use deaflow_stage::direct;
+use deaflow_stage::measured::{
+    Compared, Device, MeasuredFile, VOLTAGE_OFFSET, Values, WithEffect, compare_all, read_sets, with_neglected_effects,
+};
+
+/// Compare measurements with a simulation at the same points
+#[derive(Debug, Args)]
+#[command(after_help = examples!(
+    "deaflow compare scene.yaml measured.yaml",
+    "deaflow compare fitted.yaml measured.yaml -o compared.csv",
+))]
+pub struct CompareArguments {
+    /// The scene: a YAML file of a scene, or of a pipeline that has one
+    pub scene: PathBuf,
+    /// A list of measured files in YAML, with what is known about each
+    #[arg(value_name = "MEASURED.yaml")]
+    list: PathBuf,
+    /// Override a value of the scene, such as material.shear_modulus="40 kPa"
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    sets: Vec<String>,
+    /// A voltage that is added to all voltages, such as the offset that fit has found
+    #[arg(long, value_name = "VOLTAGE", allow_hyphen_values = true, value_parser = voltage)]
+    voltage_offset: Option<f64>,
+    /// Also simulate with each neglected effect whose data the scene has, and say how well that agrees
+    #[arg(long)]
+    effects: bool,
+    #[command(flatten)]
+    mesh: MeshArguments,
+    /// The table for measured and simulated numbers by row; the figure OUT.png is drawn next to it [default: none, only
+    /// a summary is printed]
+    #[arg(short, long, value_name = "OUT.csv")]
+    output: Option<PathBuf>,
+}
+
+fn voltage(text: &str) -> Result<f64, String> {
+    Ok(quantity(text, Dimension::Voltage)?.value())
+}
+
+pub fn execute(arguments: &CompareArguments, output: &Output) -> Result<Exit, CliError> {
+    let files = MeasuredFile::load(&arguments.list)?;
+    if let Some(file) = &arguments.output {
+        let listed = files.iter().flat_map(|(file, node)| file.paths(node));
+        let listed = listed
+            .chain([arguments.list.clone()])
+            .map(|path| path.display().to_string());
+        let inputs = [direct::files_read(&arguments.scene), listed.collect()].concat();
+        write::check_output(file, &inputs)?;
+        write::check_not_read(&file.with_extension("png"), &inputs)?;
+    }
+    let changes = direct::Changes {
+        sets: &arguments.sets,
+        voltage: None,
+    };
+    let scene = direct::read_scene_with(&arguments.scene, changes)?.scene;
+    let (keys, offset): (Vec<String>, Vec<f64>) = arguments
+        .voltage_offset
+        .iter()
+        .map(|offset| (VOLTAGE_OFFSET.to_owned(), *offset))
+        .unzip();
+    let device = Device::new(&scene, &keys, arguments.mesh.options())?;
+    let sets = read_sets(&files, &device, &scene)?;
+    let notes: Vec<String> = sets
+        .iter()
+        .flat_map(|set| set.notes.iter().map(move |note| format!("{}: {note}", set.name)))
+        .collect();
+    notes.iter().for_each(|note| output.warn(note));
+    let (compared, mesh) = compare_all(&device, &sets, &offset, !arguments.mesh.is_chosen())?;
+    let device = device.on(mesh);
+    let neglected = match arguments.effects {
+        true => with_neglected_effects(&scene, &device, &sets, &offset)?,
+        false => Vec::new(),
+    };
+    let mut written = Vec::new();
+    if let Some(file) = &arguments.output {
+        write::file(file, rows(&compared)?.as_bytes())?;
+        written.push(file.clone());
+        let draw = |path: &Path| measured_sheet(&figures(&compared, &scene)?)?.write_png(path);
+        written.extend(write::drawn(file.with_extension("png"), draw, output));
+    }
+    let written: Vec<String> = written
+        .iter()
+        .map(|file: &PathBuf| file.display().to_string())
+        .collect();
+    let all = || {
+        let mut all = json!({
+            "compared": document(&compared),
+            "mesh": mesh.to_string(),
+            "files": written,
+            "notes": notes,
+        });
+        if arguments.effects {
+            all["effects"] = neglected.iter().map(effect_document).collect();
+        }
+        all
+    };
+    output.result(all, || {
+        let mut text = summary(&compared);
+        text.line(format!("mesh: {mesh}"));
+        if arguments.effects {
+            text.append(effects(&compared, &neglected));
+        }
+        written.iter().for_each(|file| {
+            text.line(file);
+        });
+        text
+    })
+}
+
+/// Returns a table of the root mean squares with each neglected effect.
+fn effects(compared: &[Compared], neglected: &[WithEffect]) -> Text {
+    let header: Vec<&str> = ["RMS with"]
+        .into_iter()
+        .chain(compared.iter().map(|one| one.name.as_str()))
+        .collect();
+    let mut table = table::table(&header, &header[1..]);
+    let row = |name: &str, agreements: &mut dyn Iterator<Item = f64>| {
+        let numbers = agreements.zip(compared).map(|(rms, one)| with_unit(rms, &one.values));
+        std::iter::once(name.to_owned()).chain(numbers).collect::<Vec<_>>()
+    };
+    table.add_row(row("this scene", &mut compared.iter().map(|one| one.agreement.rms)));
+    let mut failed = Vec::new();
+    for one in neglected {
+        match &one.agreements {
+            Ok(agreements) => {
+                table.add_row(row(one.effect, &mut agreements.iter().map(|own| own.rms)));
+            }
+            Err(why) => failed.push(format!("{}: {why}", one.effect)),
+        }
+    }
+    let mut text = Text::of(table);
+    failed.into_iter().for_each(|line| {
+        text.line(line);
+    });
+    text
+}
+
+fn effect_document(one: &WithEffect) -> Value {
+    match &one.agreements {
+        Ok(agreements) => json!({
+            "effect": one.effect,
+            "rms": agreements.iter().map(|own| own.rms).collect::<Vec<_>>(),
+            "chi2_per_dof": agreements.iter().map(|own| own.chi2_per_dof).collect::<Vec<_>>(),
+        }),
+        Err(why) => json!({ "effect": one.effect, "error": why }),
+    }
+}
+
+/// Writes all numbers: a row for each point, with empty fields where a quantity does not belong to its file. Measured
+/// displacements of fields are without the motion of the camera.
+///
+/// # Errors
+/// When memory is short.
+fn rows(compared: &[Compared]) -> Result<String, CliError> {
+    const HEADER: [&str; 11] = [
+        "file",
+        "row",
+        "x_mm",
+        "y_mm",
+        "time_s",
+        "voltage_V",
+        "stretch",
+        "component",
+        "measured",
+        "simulated",
+        "unit",
+    ];
+    let mut all = Vec::new();
+    for one in compared {
+        let mut add =
+            |row: usize, place: [Option<f64>; 5], component: &str, [measured, simulated]: [f64; 2], unit: &str| {
+                let place = place.map(|number| number.map_or_else(String::new, |number| number.to_string()));
+                let start = [one.name.clone(), row.to_string()];
+                let end = [
+                    component.to_owned(),
+                    measured.to_string(),
+                    simulated.to_string(),
+                    unit.to_owned(),
+                ];
+                all.push([&start[..], &place[..], &end[..]].concat());
+            };
+        match &one.values {
+            Values::Field {
+                points_mm,
+                rows,
+                simulated_mm,
+                result,
+                ..
+            } => {
+                let differences = result.residual_mm.iter();
+                for (((at, row), simulated), difference) in
+                    points_mm.iter().zip(rows).zip(simulated_mm).zip(differences)
+                {
+                    for (c, component) in ["ux", "uy"].into_iter().enumerate() {
+                        let numbers = [simulated[c] + difference[c], simulated[c]];
+                        add(
+                            *row,
+                            [Some(at[0]), Some(at[1]), None, None, None],
+                            component,
+                            numbers,
+                            "mm",
+                        );
+                    }
+                }
+            }
+            Values::Series {
+                voltages_v,
+                measured_mm,
+                simulated_mm,
+            } => {
+                for (at, volts) in voltages_v.iter().enumerate() {
+                    let numbers = [measured_mm[at], simulated_mm[at]];
+                    add(at + 1, [None, None, None, Some(*volts), None], "u", numbers, "mm");
+                }
+            }
+            Values::Sheet {
+                is_creep,
+                at,
+                measured,
+                simulated,
+            } => {
+                for (row, place) in at.iter().enumerate() {
+                    let (time, volts) = if *is_creep {
+                        (Some(*place), None)
+                    } else {
+                        (None, Some(*place))
+                    };
+                    let numbers = [measured[row], simulated[row]];
+                    add(row + 1, [None, None, time, volts, None], "stretch", numbers, "1");
+                }
+            }
+            Values::Curve {
+                stretch,
+                measured_pa,
+                simulated_pa,
+            } => {
+                for (at, stretch) in stretch.iter().enumerate() {
+                    let numbers = [measured_pa[at], simulated_pa[at]];
+                    add(at + 1, [None, None, None, None, Some(*stretch)], "P", numbers, "Pa");
+                }
+            }
+        }
+    }
+    csv::text(&HEADER.map(str::to_owned), all.into_iter())
+}

@@ -1,0 +1,228 @@
+//! Fits free numbers of a scene to fields and curves of devices, and to curves of specimens.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use super::{FitArguments, digits, estimate_document, outlier};
+use crate::compared::{figures, summary};
+use crate::text::Text;
+use crate::{CliError, Exit, Output, table, write};
+use deaflow_base::{Dimension, Node, listed};
+use deaflow_fit::{CurveResiduals, Parameter, Verdict, Warning};
+use deaflow_report::figures::measured_sheet;
+use deaflow_stage::direct;
+use deaflow_stage::measured::{
+    Compared, Device, FreeKey, MeasuredFile, MeasuredSet, SETTLED, SceneFit, VOLTAGE_OFFSET, compare_all, fit_scene,
+    read_sets,
+};
+
+/// Fits a scene to the files of lists.
+pub fn execute(arguments: &FitArguments, files: &[(MeasuredFile, Node)], output: &Output) -> Result<Exit, CliError> {
+    if arguments.free.is_empty() {
+        return Err(CliError::bad_input("a fit to a device needs free parameters")
+            .help("name numbers of the scene, as in --free shear_modulus --free voltage_offset"));
+    }
+    let scene = direct::read_scene(&arguments.scene)?;
+    let device = Device::new(&scene, &arguments.free, arguments.mesh.options())?;
+    let sets = read_sets(files, &device, &scene)?;
+    sets.iter()
+        .flat_map(|set| set.notes.iter().map(move |note| format!("{}: {note}", set.name)))
+        .for_each(|note| output.warn(&note));
+    let found = fit_scene(&device, &sets, !arguments.mesh.is_chosen())?;
+    let values: Vec<f64> = found
+        .fit
+        .estimate
+        .parameters
+        .iter()
+        .map(|parameter| parameter.value)
+        .collect();
+    let device = found
+        .mesh
+        .map_or_else(|| device.with_options(device.options()), |mesh| device.on(mesh));
+    let (compared, _) = compare_all(&device, &sets, &values, false)?;
+    let warnings = warnings(&found, &device)?;
+    warnings.iter().for_each(|warning| output.warn(warning));
+    let mut written = Vec::new();
+    if let Some(file) = &arguments.output {
+        let yaml = yaml(&found, device.keys(), &sets);
+        write::file(file, yaml.as_bytes())?;
+        written.push(file.clone());
+        let draw = |path: &Path| measured_sheet(&figures(&compared, &scene)?)?.write_png(path);
+        written.extend(write::drawn(file.with_extension("png"), draw, output));
+    }
+    let written: Vec<String> = written
+        .iter()
+        .map(|file: &PathBuf| file.display().to_string())
+        .collect();
+    let document = || {
+        let mut document = document(&found, device.effects(), &compared);
+        document["files"] = json!(written);
+        document["warnings"] = json!(warnings);
+        document
+    };
+    output.result(document, || {
+        let mut text = text(&found, &device, &compared);
+        written.iter().for_each(|file| {
+            text.line(file);
+        });
+        text
+    })
+}
+
+/// The factor and the unit in which people read a quantity.
+fn unit_of(dimension: Dimension) -> (f64, String) {
+    match dimension {
+        Dimension::Stress => (1e-3, " kPa".to_owned()),
+        Dimension::Voltage => (1e-3, " kV".to_owned()),
+        Dimension::Number => (1.0, String::new()),
+        other => (1.0, format!(" {}", other.base_unit())),
+    }
+}
+
+fn with_interval(parameter: &Parameter, key: &FreeKey, converged: bool) -> [String; 2] {
+    let (factor, unit) = unit_of(key.dimension);
+    let value = |value: f64| digits(factor * value);
+    let known = |(low, high): &(f64, f64)| !low.is_nan() && !high.is_nan();
+    let interval = match parameter
+        .profile
+        .or(parameter.interval)
+        .filter(known)
+        .filter(|_| converged)
+    {
+        Some((low, high)) => format!("{} to {}{unit}", value(low), value(high)),
+        None if parameter.at_bound => "at its bound".to_owned(),
+        None => "unknown".to_owned(),
+    };
+    [format!("{}{unit}", value(parameter.value)), interval]
+}
+
+fn pairs<'a>(found: &'a SceneFit, keys: &'a [FreeKey]) -> impl Iterator<Item = (&'a Parameter, &'a FreeKey)> {
+    found.fit.estimate.parameters.iter().zip(keys)
+}
+
+fn text(found: &SceneFit, device: &Device, compared: &[Compared]) -> Text {
+    let (keys, effects) = (device.keys(), device.effects());
+    let header = ["parameter", "value", "interval of 95 %"];
+    let mut parameters = table::table(&header, &["value"]);
+    for (parameter, key) in pairs(found, keys) {
+        let [value, interval] = with_interval(parameter, key, found.fit.estimate.converged);
+        parameters.add_row([key.path.clone(), value, interval]);
+    }
+    let mut text = Text::of(parameters);
+    text.append(summary(compared));
+    if !effects.is_empty() {
+        text.line(format!("simulated effects: {}", listed(effects)));
+    }
+    if let Some(mesh) = found.mesh {
+        let shift = found.shift.map_or_else(String::new, |shift| {
+            format!(
+                "; with elements of twice the size the parameters change by at most {} standard errors",
+                digits(shift)
+            )
+        });
+        text.line(format!("mesh: {mesh}{shift}"));
+    }
+    text
+}
+
+/// What a user should know before using the fit.
+fn warnings(found: &SceneFit, device: &Device) -> Result<Vec<String>, CliError> {
+    const OUTLIERS: usize = 5;
+    let (fit, keys) = (&found.fit, device.keys());
+    // The reader has counted rows that were left out.
+    let own = fit
+        .warnings
+        .iter()
+        .filter(|warning| !matches!(warning, Warning::Dropped { .. }));
+    let mut warnings: Vec<String> = own.map(ToString::to_string).collect();
+    let values: Vec<f64> = fit
+        .estimate
+        .parameters
+        .iter()
+        .map(|parameter| parameter.value)
+        .collect();
+    if let Some(other) = device.other_effects(&values)? {
+        let named = |effects: &[String]| {
+            if effects.is_empty() {
+                "none".to_owned()
+            } else {
+                listed(effects)
+            }
+        };
+        warnings.push(format!(
+            "`effects: auto` was decided at the first values of the parameters ({}); at the fitted values it is: {}. Fit \
+             again from a scene with these values",
+            named(device.effects()),
+            named(&other)
+        ));
+    }
+    for (_, key) in pairs(found, keys).filter(|(parameter, _)| parameter.at_bound) {
+        warnings.push(format!("{} is at its bound: its value says nothing", key.path));
+    }
+    if let Some(shift) = found.shift.filter(|shift| *shift > SETTLED) {
+        warnings.push(format!(
+            "the finest mesh still changes the parameters by {} standard errors: use --order 2, or more \
+             --elements-per-cell",
+            digits(shift)
+        ));
+    }
+    if fit.verdict != Verdict::Determined {
+        warnings.push(fit.verdict.to_string());
+    }
+    warnings.extend(
+        fit.outliers
+            .iter()
+            .take(OUTLIERS)
+            .map(|found| format!("outlier: {}", outlier(found))),
+    );
+    if fit.outliers.len() > OUTLIERS {
+        warnings.push(format!("{} more outliers", fit.outliers.len() - OUTLIERS));
+    }
+    if let Some((parameter, key)) = pairs(found, keys).find(|(_, key)| key.path == VOLTAGE_OFFSET) {
+        let [value, _] = with_interval(parameter, key, true);
+        warnings.push(format!(
+            "the scene has no offset: add {value} to the voltages of the supply, as in compare --voltage-offset"
+        ));
+    }
+    Ok(warnings)
+}
+
+/// Returns the fitted scene, with a comment on its source.
+fn yaml(found: &SceneFit, keys: &[FreeKey], sets: &[MeasuredSet]) -> String {
+    let files: Vec<String> = sets
+        .iter()
+        .map(|set| format!("{} ({})", set.name, set.test.name()))
+        .collect();
+    let parameter = |(parameter, key): (&Parameter, &FreeKey)| {
+        let [value, interval] = with_interval(parameter, key, found.fit.estimate.converged);
+        format!("{} {value} ({interval})", key.path)
+    };
+    let parameters: Vec<String> = pairs(found, keys).map(parameter).collect();
+    let verdict = match found.fit.verdict {
+        Verdict::Determined => String::new(),
+        ref other => format!("# {other}.\n"),
+    };
+    format!(
+        "# Fitted by `deaflow fit` to {}.\n# With intervals of 95 %: {}.\n{verdict}{}",
+        files.join(", "),
+        parameters.join("; "),
+        found.scene.to_yaml()
+    )
+}
+
+fn document(found: &SceneFit, effects: &[String], compared: &[Compared]) -> Value {
+    let fit = &found.fit;
+    let residuals = |set: &deaflow_fit::SetResult| CurveResiduals {
+        name: set.name.clone(),
+        residuals: set.residuals.clone(),
+    };
+    let residuals: Vec<CurveResiduals> = fit.sets.iter().map(residuals).collect();
+    let mut document = estimate_document(&fit.estimate, &fit.verdict, &residuals, &fit.outliers);
+    document["scene"] = json!(found.scene.to_text());
+    document["effects"] = json!(effects);
+    document["mesh"] = json!(found.mesh.map(|mesh| mesh.to_string()));
+    document["mesh_shift"] = json!(found.shift);
+    document["compared"] = crate::compared::document(compared);
+    document
+}

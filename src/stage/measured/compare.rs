@@ -1,0 +1,367 @@
+//! Measured beside simulated numbers, without a fit.
+
+use super::device::Device;
+use super::joint::{Data, FINEST, MeasuredSet};
+use deaflow_base::InputError;
+use deaflow_fem::screening::resolve;
+use deaflow_field::Mesh;
+use deaflow_fit::{Curve, ImageResult, Motion, Sigma, simulate};
+use deaflow_scene::Scene;
+use deaflow_scene::effects::{Effects, On, names};
+
+/// How well a simulation agrees with measurements; all differences are measured − simulated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Agreement {
+    /// The number of compared points.
+    pub points: usize,
+    /// The mean difference; none of a field, where it is that of the camera.
+    pub bias: Option<f64>,
+    /// The root mean square of the difference; of a field, of its components.
+    pub rms: f64,
+    /// The largest difference, and its row from 1.
+    pub largest: (f64, usize),
+    /// 1 − Σ(measured − simulated)²/Σ(measured − mean)², without the motion of the camera; `None` if all measured numbers
+    /// are equal.
+    pub r_squared: Option<f64>,
+    /// χ² per degree of freedom, if standard deviations are stated.
+    pub chi2_per_dof: Option<f64>,
+}
+
+/// Measured and simulated numbers.
+#[derive(Clone, Debug)]
+pub enum Values {
+    /// Displacements in mm at points of a device.
+    Field {
+        /// The points on the membrane at rest, in mm.
+        points_mm: Vec<[f64; 2]>,
+        /// The row of each point, from 1.
+        rows: Vec<usize>,
+        /// The measured displacements.
+        measured_mm: Vec<[f64; 2]>,
+        /// The simulated displacements, without the motion of the camera.
+        simulated_mm: Vec<[f64; 2]>,
+        /// The motion of the camera and the differences.
+        result: Box<ImageResult>,
+    },
+    /// Displacements in mm against voltages in V.
+    Series {
+        /// The voltages.
+        voltages_v: Vec<f64>,
+        /// The measured displacements.
+        measured_mm: Vec<f64>,
+        /// The simulated displacements.
+        simulated_mm: Vec<f64>,
+    },
+    /// Stretches of a sheet against voltages in V, or times in s.
+    Sheet {
+        /// Whether they are against times.
+        is_creep: bool,
+        /// The voltages or times.
+        at: Vec<f64>,
+        /// The measured stretches.
+        measured: Vec<f64>,
+        /// The simulated stretches.
+        simulated: Vec<f64>,
+    },
+    /// Nominal stresses in Pa against stretches.
+    Curve {
+        /// The stretches.
+        stretch: Vec<f64>,
+        /// The measured stresses.
+        measured_pa: Vec<f64>,
+        /// The simulated stresses.
+        simulated_pa: Vec<f64>,
+    },
+}
+
+/// A file of measurements beside the simulation.
+#[derive(Clone, Debug)]
+pub struct Compared {
+    /// The name of the file.
+    pub name: String,
+    /// How well they agree.
+    pub agreement: Agreement,
+    /// The numbers.
+    pub values: Values,
+}
+
+/// Root mean squares that differ by less than this share on two meshes do not depend on the mesh.
+const SAME: f64 = 0.01;
+
+/// Compares all sets, on finer meshes until the root mean squares no longer change if `refines`; returns the mesh too.
+///
+/// # Errors
+/// As [`compare`].
+pub fn compare_all(
+    device: &Device,
+    sets: &[MeasuredSet],
+    values: &[f64],
+    refines: bool,
+) -> Result<(Vec<Compared>, Mesh), InputError> {
+    let on = |mesh: Mesh| -> Result<Vec<Compared>, InputError> {
+        let device = device.on(mesh);
+        sets.iter().map(|set| compare(&device, set, values)).collect()
+    };
+    let mut mesh = device.options().mesh;
+    let mut compared = on(mesh)?;
+    while refines && mesh.elements_per_cell() < FINEST {
+        mesh = Mesh::new(2 * mesh.elements_per_cell(), mesh.order());
+        let finer = on(mesh)?;
+        let pairs = compared.iter().zip(&finer);
+        let is_same =
+            |(a, b): (&Compared, &Compared)| (a.agreement.rms - b.agreement.rms).abs() <= SAME * b.agreement.rms;
+        let settled = pairs.map(is_same).all(|same| same);
+        compared = finer;
+        if settled {
+            break;
+        }
+    }
+    Ok((compared, mesh))
+}
+
+/// Simulates the measured numbers of a set with values of the free parameters.
+///
+/// # Errors
+/// When there is no stable equilibrium, or the law has no stress at a stretch.
+pub fn compare(device: &Device, set: &MeasuredSet, values: &[f64]) -> Result<Compared, InputError> {
+    let refused = |why: String| InputError::new(format!("{}: {why}", set.name));
+    let simulated = set
+        .simulate(device, values)
+        .map_err(|why| refused(format!("no equilibrium {why}")))?;
+    let (agreement, values) = match &set.data {
+        Data::Field(own) => {
+            let simulated_mm: Vec<[f64; 2]> = simulated.values.chunks_exact(2).map(|u| [u[0], u[1]]).collect();
+            let result = own
+                .image()
+                .compare(&simulated_mm, Motion::Fitted, 0)
+                .map_err(|error| refused(error.to_string()))?;
+            let found = &result.statistics;
+            let agreement = Agreement {
+                points: found.points,
+                bias: None,
+                rms: found.rms_mm,
+                largest: (found.largest_mm, found.largest_at.1),
+                r_squared: r_squared_of_field(&simulated_mm, &result.residual_mm),
+                chi2_per_dof: found.chi2_per_dof,
+            };
+            let values = Values::Field {
+                points_mm: own.image().points().to_vec(),
+                rows: own.image().rows().to_vec(),
+                measured_mm: own.image().measured().to_vec(),
+                simulated_mm,
+                result: Box::new(result),
+            };
+            (agreement, values)
+        }
+        Data::Series(own) => {
+            let agreement = Agreement::new(&own.measured_mm, &simulated.values, &own.sigma);
+            let values = Values::Series {
+                voltages_v: own.loads.iter().filter_map(|load| load.voltage_v).collect(),
+                measured_mm: own.measured_mm.clone(),
+                simulated_mm: simulated.values,
+            };
+            (agreement, values)
+        }
+        Data::Curve(curve) => {
+            let simulated_pa = stresses(device, curve, values).map_err(|error| refused(error.to_string()))?;
+            let agreement = Agreement::new(&curve.stress_pa, &simulated_pa, &curve.sigma);
+            let values = Values::Curve {
+                stretch: curve.stretch.clone(),
+                measured_pa: curve.stress_pa.clone(),
+                simulated_pa,
+            };
+            (agreement, values)
+        }
+        Data::Sheet(curve) => sheet(device, set, (&curve.voltage_v, &curve.stretch, &curve.sigma), values)?,
+        Data::Creep(curve) => sheet(device, set, (&curve.time_s, &curve.stretch, &curve.sigma), values)?,
+    };
+    Ok(Compared {
+        name: set.name.clone(),
+        agreement,
+        values,
+    })
+}
+
+/// A neglected effect, and how a simulation with it would agree.
+#[derive(Clone, Debug)]
+pub struct WithEffect {
+    /// The name of the effect.
+    pub effect: &'static str,
+    /// The agreement of each set, or why there is none.
+    pub agreements: Result<Vec<Agreement>, String>,
+}
+
+/// Compares each set with simulations in which one more effect is on: those that change an equilibrium, are off, and whose
+/// data the scene has. The device and its values are those of [`compare`].
+///
+/// # Errors
+/// When the effects of the scene cannot be decided.
+pub fn with_neglected_effects(
+    scene: &Scene,
+    device: &Device,
+    sets: &[MeasuredSet],
+    values: &[f64],
+) -> Result<Vec<WithEffect>, InputError> {
+    let scene = resolve(scene).map_err(|error| InputError::new(error.to_string()))?;
+    let keys: Vec<String> = device.keys().iter().map(|key| key.path.clone()).collect();
+    let agreements = |effects: Effects| -> Result<Vec<Agreement>, InputError> {
+        let device = Device::new(&scene.with_effects(effects), &keys, device.options())?;
+        sets.iter()
+            .map(|set| compare(&device, set, values).map(|found| found.agreement))
+            .collect()
+    };
+    let of = |(effect, effects)| WithEffect {
+        effect,
+        agreements: agreements(effects).map_err(|error| error.to_string()),
+    };
+    Ok(neglected(&scene).into_iter().map(of).collect())
+}
+
+/// Returns the effects of a scene with each neglected one.
+fn neglected(scene: &Scene) -> Vec<(&'static str, Effects)> {
+    let (on, known) = (&scene.effects, &scene.properties);
+    let mut all = Vec::new();
+    if let (None, Some(law)) = (&on.strain_stiffening, &known.strain_stiffening) {
+        all.push((
+            names::STIFFENING,
+            Effects {
+                strain_stiffening: Some(law.clone()),
+                ..on.clone()
+            },
+        ));
+    }
+    if let (None, Some(electrode)) = (&on.electrode_stiffness, &known.electrode_stiffness) {
+        all.push((
+            names::ELECTRODE,
+            Effects {
+                electrode_stiffness: Some(electrode.clone()),
+                ..on.clone()
+            },
+        ));
+    }
+    if let (None, Some(decay)) = (
+        &on.stretch_dependent_permittivity,
+        &known.stretch_dependent_permittivity,
+    ) {
+        all.push((
+            names::PERMITTIVITY,
+            Effects {
+                stretch_dependent_permittivity: Some(decay.clone()),
+                ..on.clone()
+            },
+        ));
+    }
+    if on.fringe_field.is_none() {
+        all.push((
+            names::FRINGE,
+            Effects {
+                fringe_field: Some(On {}),
+                ..on.clone()
+            },
+        ));
+    }
+    if on.wrinkling.is_none() {
+        all.push((
+            names::WRINKLING,
+            Effects {
+                wrinkling: Some(On {}),
+                ..on.clone()
+            },
+        ));
+    }
+    all
+}
+
+/// Returns the nominal stresses of the law of a scene at the stretches of a curve.
+fn stresses(device: &Device, curve: &Curve, values: &[f64]) -> Result<Vec<f64>, InputError> {
+    let (elastomer, known) = device.elastomer(values)?;
+    let names = elastomer.law.parameters();
+    let value = |name: &String| known.iter().find(|(own, _)| own == name).map(|(_, value)| *value);
+    let law = names.iter().map(value).collect::<Option<Vec<f64>>>();
+    let law = law.and_then(|values| elastomer.law.with(&values));
+    let at = |(row, stretch): (usize, &f64)| {
+        let stress = law.as_ref().and_then(|law| law.nominal_stress(curve.test, *stretch));
+        stress.ok_or_else(|| {
+            InputError::new(format!(
+                "row {}: the law has no stress at a stretch of {stretch}",
+                row + 1
+            ))
+        })
+    };
+    curve.stretch.iter().enumerate().map(at).collect()
+}
+
+/// Compares the stretches of a sheet.
+fn sheet(
+    device: &Device,
+    set: &MeasuredSet,
+    (at, measured, sigma): (&[f64], &[f64], &Sigma),
+    values: &[f64],
+) -> Result<(Agreement, Values), InputError> {
+    let (elastomer, known) = device.elastomer(values)?;
+    let data = set.of_elastomer(elastomer);
+    let simulated = data.map_or(Ok(Vec::new()), |data| simulate(&data, &known));
+    let simulated = simulated.map_err(|error| InputError::new(error.to_string()))?;
+    let values = Values::Sheet {
+        is_creep: matches!(set.data, Data::Creep(_)),
+        at: at.to_vec(),
+        measured: measured.to_vec(),
+        simulated: simulated.clone(),
+    };
+    Ok((Agreement::new(measured, &simulated, sigma), values))
+}
+
+/// Returns R²; `None` if the measured numbers do not differ.
+fn share_explained(squares: f64, spread: f64) -> Option<f64> {
+    (spread > 0.0).then(|| 1.0 - squares / spread).filter(|r| r.is_finite())
+}
+
+/// Returns R² of a field whose measured displacements are the simulated ones and the differences.
+fn r_squared_of_field(simulated_mm: &[[f64; 2]], differences_mm: &[[f64; 2]]) -> Option<f64> {
+    let measured = || {
+        let pairs = simulated_mm.iter().zip(differences_mm);
+        pairs.map(|(u, d)| [u[0] + d[0], u[1] + d[1]])
+    };
+    let count = simulated_mm.len() as f64;
+    let mean = [0, 1].map(|c: usize| measured().map(|u| u[c]).sum::<f64>() / count);
+    let spread: f64 = measured()
+        .map(|u| (u[0] - mean[0]).powi(2) + (u[1] - mean[1]).powi(2))
+        .sum();
+    let squares: f64 = differences_mm.iter().map(|d| d[0] * d[0] + d[1] * d[1]).sum();
+    share_explained(squares, spread)
+}
+
+impl Agreement {
+    fn new(measured: &[f64], simulated: &[f64], sigma: &Sigma) -> Self {
+        let points = measured.len();
+        let differences: Vec<f64> = measured.iter().zip(simulated).map(|(m, s)| m - s).collect();
+        let count = points as f64;
+        let mean = measured.iter().sum::<f64>() / count;
+        let squares: f64 = differences.iter().map(|d| d * d).sum();
+        let spread: f64 = measured.iter().map(|m| (m - mean).powi(2)).sum();
+        let largest =
+            differences.iter().enumerate().fold(
+                (0.0, 1),
+                |most: (f64, usize), (row, d)| {
+                    if d.abs() > most.0.abs() { (*d, row + 1) } else { most }
+                },
+            );
+        let sigmas: Option<Vec<f64>> = match sigma {
+            Sigma::Stated(all) => Some(all.clone()),
+            Sigma::StatedFraction(share) => Some(measured.iter().map(|m| share * m.abs()).collect()),
+            Sigma::UnstatedRelative | Sigma::UnstatedAbsolute => None,
+        };
+        let chi2 = |sigmas: Vec<f64>| {
+            let terms = differences.iter().zip(sigmas).filter(|(_, sigma)| *sigma > 0.0);
+            terms.map(|(d, sigma)| (d / sigma).powi(2)).sum::<f64>() / count
+        };
+        Self {
+            points,
+            bias: Some(differences.iter().sum::<f64>() / count),
+            rms: (squares / count).sqrt(),
+            largest,
+            r_squared: share_explained(squares, spread),
+            chi2_per_dof: sigmas.map(chi2),
+        }
+    }
+}
