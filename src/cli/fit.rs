@@ -42,7 +42,7 @@ const MOST_BRANCHES: u64 = 6;
 /// The largest number of outliers that are listed.
 const OUTLIERS: usize = 5;
 
-/// Fit a scene to measurements: its elastomer to curves of specimens, or any numbers of it to a device
+/// Fit a scene to measurements of specimens and devices
 #[derive(Debug, Args)]
 #[command(after_help = examples!(
     "deaflow fit scene.yaml uniaxial=ut.csv equibiaxial=et.csv -o fitted.yaml",
@@ -368,16 +368,13 @@ fn elastomer(scene: &Scene, laws: &[LawKind]) -> Result<Elastomer, CliError> {
 
 /// A parameter and the factor and the unit in which people read it.
 fn unit_of(name: &str) -> (f64, &'static str) {
-    let is_stress = |start: &&str| name.starts_with(*start);
-    match name {
-        _ if ["shear_modulus", "branch_modulus", "g_", "c2", "c3"]
-            .iter()
-            .any(|start| is_stress(&start)) =>
-        {
-            (1e-3, " kPa")
-        }
-        _ if name.starts_with("branch_time") => (1.0, " s"),
-        _ => (1.0, ""),
+    let is = |starts: &[&str]| starts.iter().any(|start| name.starts_with(start));
+    if is(&["shear_modulus", "branch_modulus", "g_", "c2", "c3"]) {
+        (1e-3, " kPa")
+    } else if is(&["branch_time"]) {
+        (1.0, " s")
+    } else {
+        (1.0, "")
     }
 }
 
