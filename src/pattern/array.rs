@@ -7,8 +7,17 @@ use super::raster::PatternForm;
 use deaflow_array::{Array, ArrayError, ArrayFile, Format};
 use deaflow_base::listed;
 
-/// A note on patterns whose elements followed drawn electrodes.
-const DRAWN: &str = "the electrodes were drawn with fitted edges; here they are the cells whose centre was in a shape";
+/// Arrays beside those of patterns with edges within cells, and notes on them.
+const WITHIN_CELLS: [(&str, &str); 2] = [
+    (
+        "electrodes/polygons",
+        "the electrodes were drawn with fitted edges; here they are the cells whose centre was in a shape",
+    ),
+    (
+        "covered/share",
+        "the electrodes cover parts of cells; here they are the cells that are covered by half or more",
+    ),
+];
 
 /// Cells read at a time: 8 MB of numbers.
 const SLICE: usize = 1_000_000;
@@ -39,8 +48,10 @@ pub(super) fn read(
     let group = dataset
         .and_then(|name| name.rsplit_once('/'))
         .map_or("", |(group, _)| group);
-    if format.has_names() && file.find(&format!("{group}/electrodes/polygons"))?.is_some() {
-        read.notes.push(DRAWN.to_owned());
+    for (name, note) in WITHIN_CELLS.into_iter().filter(|_| format.has_names()) {
+        if file.find(&format!("{group}/{name}"))?.is_some() {
+            read.notes.push(note.to_owned());
+        }
     }
     Ok(read)
 }

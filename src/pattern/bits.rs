@@ -422,6 +422,14 @@ impl Pattern {
     /// neither frame nor body; `None` if all cells are free. Electrodes elsewhere have no effect and do not count.
     #[must_use]
     pub fn area_fraction(&self, free: Option<&Bits>) -> f64 {
+        if let Some(coverage) = self.coverage() {
+            let [columns, _] = self.raster().sides();
+            let is_free = |at: usize| free.is_none_or(|free| free.has(at % columns, at / columns));
+            let shares = coverage.shares().into_iter().enumerate();
+            let area: f64 = shares.filter(|(at, _)| is_free(*at)).map(|(_, share)| share).sum();
+            let all = free.map_or(self.raster().cells(), Bits::count);
+            return area / all.max(1) as f64;
+        }
         match free {
             None => self.active_cells() as f64 / self.raster().cells() as f64,
             Some(free) => Bits::of(self).and(free).count() as f64 / free.count().max(1) as f64,

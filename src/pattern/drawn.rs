@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use super::bits::Bits;
 use super::contour::{Contour, Contours};
+use super::coverage::Coverage;
 use super::drawing::{DrawingFormat, DrawingOptions, read_drawing};
 use super::electrodes::Electrodes;
 use super::file::{FilePatterns, PatternFileError};
@@ -25,6 +26,8 @@ deaflow_base::words! {
     pub enum Edges {
         /// Elements follow the edges.
         Fitted = "fitted",
+        /// A cell has the share of it that shapes cover.
+        Coverage = "coverage",
         /// A cell has an electrode if its centre is in a shape.
         Cells = "cells",
     }
@@ -71,11 +74,18 @@ pub(super) fn no_shapes() -> PatternFileError {
         .help("allowed with fitted edges: .dxf, .svg, and artifacts of a store; of other files the cells are read")
 }
 
+/// The error for a file of whole cells where parts of cells shall be covered.
+pub(super) fn no_shares() -> PatternFileError {
+    PatternFileError::new("drawings and pictures alone cover parts of cells").help(
+        "allowed with edges by coverage: .dxf, .svg, .png, and artifacts of a store; of other files the cells are read",
+    )
+}
+
 /// Returns the pattern of the regions of electrode groups, and notes on their areas.
 ///
 /// # Errors
 /// When the size of the membrane is not known, a region does not reach it or has a mask of other cells, a group is not
-/// one of the device, or groups overlap.
+/// one of the device, or groups overlap; by coverage also when a cell has parts of two groups.
 pub fn pattern_of(
     regions: &[GroupRegion],
     form: PatternForm,
@@ -96,8 +106,11 @@ pub fn pattern_of(
         .map(|(x, y)| group(x, y))
         .collect();
     let pattern = Pattern::of_form(form, &cells).map_err(|error| PatternFileError::new(error.to_string()))?;
-    let electrodes = (edges == Edges::Fitted).then(|| electrodes(regions, membrane));
-    let pattern = pattern.with_electrodes(electrodes.map(Arc::new));
+    let pattern = match edges {
+        Edges::Cells => pattern,
+        Edges::Fitted => pattern.with_electrodes(Some(Arc::new(electrodes(regions, membrane)))),
+        Edges::Coverage => covered(&electrodes(regions, membrane), membrane)?,
+    };
     let is_several = regions.iter().any(|own| own.group != regions[0].group);
     let notes = regions.iter().zip(areas).zip(&drawn).flat_map(|((own, areas), cells)| {
         let name = if is_several {
@@ -107,7 +120,7 @@ pub fn pattern_of(
         };
         let notes = areas.map(|areas| match edges {
             Edges::Cells => notes(&own.region, areas, cells, membrane),
-            Edges::Fitted => outside(areas).into_iter().collect(),
+            Edges::Fitted | Edges::Coverage => outside(areas).into_iter().collect(),
         });
         notes
             .unwrap_or_default()
@@ -124,6 +137,15 @@ fn electrodes(regions: &[GroupRegion], membrane: Membrane) -> Electrodes {
         .map(|own| (own.group as u8, own.region.polygons(membrane)))
         .collect();
     Electrodes::new(&groups, membrane.size_mm)
+}
+
+/// Returns the pattern of the share of each cell that electrodes cover.
+fn covered(electrodes: &Electrodes, membrane: Membrane) -> Result<Pattern, PatternFileError> {
+    let coverage = Coverage::of_regions(electrodes.groups(), membrane).map_err(|error| {
+        PatternFileError::new(error.to_string())
+            .help("a cell can be covered by one group: leave a gap of a cell, use more cells, or `edges: fitted`")
+    })?;
+    Ok(Pattern::of_coverage(coverage))
 }
 
 /// What is drawn, and what of it lies on the membrane, in mm².
@@ -320,6 +342,45 @@ mod tests {
             [1.0, 9.0],
         ]);
         assert!((touching.area_mm2().unwrap() - 32.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn shapes_cover_parts_of_cells() {
+        let of = |regions: &[(usize, Region)], groups: usize| {
+            let region = |(group, region): &(usize, Region)| GroupRegion {
+                group: *group,
+                region: region.clone(),
+            };
+            let regions: Vec<GroupRegion> = regions.iter().map(region).collect();
+            pattern_of(&regions, form(groups), Edges::Coverage)
+        };
+        let bar = |left: f64, right: f64| Region::Rectangle([[left, 2.0], [right, 7.25]]);
+        let (pattern, notes) = of(&[(1, bar(0.5, 3.75)), (2, bar(4.0, 4.25))], 2).unwrap();
+        let coverage = pattern.coverage().unwrap();
+        assert_eq!((notes.len(), pattern.groups()), (0, 2));
+        for ([x, y], group, share) in [
+            ([0, 2], 1, 0.5),
+            ([1, 2], 1, 1.0),
+            ([3, 7], 1, 0.75 * 0.25),
+            ([4, 3], 2, 0.25),
+            ([5, 3], 0, 0.0),
+            ([1, 1], 0, 0.0),
+        ] {
+            assert_eq!((coverage.group(x, y), coverage.share(x, y)), (group, share), "{x} {y}");
+            assert_eq!(pattern.group(x, y), if share < 0.5 { 0 } else { group });
+        }
+        assert!((pattern.area_fraction(None) - (3.25 + 0.25) * 5.25 / 100.0).abs() < 1e-12);
+        // Parts of two groups in a cell, and what lies outside.
+        let error = of(&[(1, bar(0.5, 3.75)), (2, bar(3.8, 5.0))], 2).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "cell [y=2][x=3] is covered by 0.7500 of electrode group 1 and by 0.2000 of group 2"
+        );
+        let (_, notes) = of(&[(1, bar(-1.0, 3.0))], 1).unwrap();
+        assert_eq!(notes, ["5.250 of 21.00 mm² lie outside the membrane"]);
+        // Whole cells are a pattern of cells.
+        let (pattern, _) = of(&[(1, Region::Rectangle([[1.0, 2.0], [4.0, 5.0]]))], 1).unwrap();
+        assert!(pattern.coverage().is_none() && pattern.active_cells() == 9);
     }
 
     #[test]

@@ -128,9 +128,10 @@ pub struct FilePatterns {
 impl FilePatterns {
     pub(super) fn new(patterns: Vec<Pattern>) -> Self {
         let mut notes = Vec::new();
-        let count = |is_such: fn(&Pattern) -> bool| patterns.iter().filter(|pattern| is_such(pattern)).count();
-        let bare = count(|pattern| pattern.groups() == 0);
-        let full = count(|pattern| pattern.electrodes().is_none() && pattern.cells().iter().all(|cell| *cell != 0));
+        let count = |is_such: &dyn Fn(&Pattern) -> bool| patterns.iter().filter(|pattern| is_such(pattern)).count();
+        let bare = count(&|pattern| pattern.groups() == 0);
+        let is_of_cells = |pattern: &Pattern| pattern.electrodes().is_none() && pattern.coverage().is_none();
+        let full = count(&|pattern| is_of_cells(pattern) && pattern.cells().iter().all(|cell| *cell != 0));
         for (found, what) in [(bare, "has no electrode"), (full, "is covered completely")] {
             match (found, patterns.len()) {
                 (0, _) => {}

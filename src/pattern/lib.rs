@@ -4,6 +4,7 @@
 mod array;
 mod bits;
 mod contour;
+mod coverage;
 mod csv;
 mod drawing;
 mod drawn;
@@ -23,6 +24,7 @@ mod symmetry;
 
 pub use bits::{Bits, distance};
 pub use contour::{Arc, Contour, Contours, FillRule, Piece};
+pub use coverage::{Coverage, CoverageError};
 pub use deaflow_array::split as split_array;
 pub use drawing::{Drawing, DrawingFormat, DrawingOptions, DrawingUnit, read_drawing};
 pub use drawn::{Edges, GroupRegion, pattern_of};

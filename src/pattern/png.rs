@@ -13,6 +13,7 @@ use std::path::Path;
 
 use png::{ColorType, Decoder, DecodingError, Reader, Transformations};
 
+use super::coverage::Coverage;
 use super::file::{FilePatterns, PatternFileError, bytes};
 use super::raster::{Pattern, PatternForm, Raster};
 use deaflow_base::four_digits;
@@ -81,7 +82,7 @@ pub(super) fn read(
     let image = Image::decode(&bytes(path, MAX_BYTES)?, form)?;
     let mut notes = Vec::new();
     if image.is_transparency {
-        notes.push("shape taken from the transparency: opaque = electrode".to_owned());
+        notes.push(OF_TRANSPARENCY.to_owned());
     }
     let is_covered = form.groups == 1 && greys == Greys::Covered && image.has_ratio_of(form);
     let exact = match threshold == HALF || !is_covered {
@@ -124,6 +125,36 @@ pub(super) fn read(
     read.notes.extend(notes);
     Ok(read)
 }
+
+/// Reads the share of each cell that an image of one electrode group covers: black covers, white does not, and a grey
+/// in between covers in part.
+pub(super) fn read_shares(path: &Path, form: PatternForm) -> Result<FilePatterns, PatternFileError> {
+    if form.groups != 1 {
+        return Err(
+            PatternFileError::new("a grey level is the number of an electrode group where there are several")
+                .help("allowed with edges by coverage: pictures for scenes of one group; draw groups in .dxf or .svg"),
+        );
+    }
+    let image = Image::decode(&bytes(path, MAX_BYTES)?, form)?;
+    if !image.has_ratio_of(form) {
+        let [width, height] = image.sides;
+        return Err(PatternFileError::new(format!("the image has {width} × {height} pixels")).help(allowed(form)));
+    }
+    let shares = image.shares(form.raster, [0.0, 1.0]);
+    // Sums of parts of pixels are rounded.
+    let shares: Vec<f64> = shares.into_iter().map(|share| share.clamp(0.0, 1.0)).collect();
+    let groups: Vec<u8> = shares.iter().map(|share| u8::from(*share > 0.0)).collect();
+    let coverage =
+        Coverage::new(form.raster, &groups, &shares).map_err(|error| PatternFileError::new(error.to_string()))?;
+    let mut read = FilePatterns::new(vec![Pattern::of_coverage(coverage)]);
+    if image.is_transparency {
+        read.notes.push(OF_TRANSPARENCY.to_owned());
+    }
+    Ok(read)
+}
+
+/// The note that the shape is in the transparency alone.
+const OF_TRANSPARENCY: &str = "shape taken from the transparency: opaque = electrode";
 
 /// A decoded image.
 struct Image {
@@ -207,8 +238,16 @@ impl Image {
 
     /// Returns the pattern of the cells that are dark from a share on, and the dark share of the image.
     fn covered(&self, raster: Raster, threshold: f64) -> (Pattern, f64) {
+        let columns = raster.columns();
+        let shares = self.shares(raster, self.extremes());
+        let pattern = Pattern::from_fn(raster, |x, y| shares[y * columns + x] >= threshold);
+        (pattern, shares.iter().sum::<f64>() / shares.len() as f64)
+    }
+
+    /// Returns the dark share of each cell, row by row from below, with the brightness of what is dark and of what is
+    /// light.
+    fn shares(&self, raster: Raster, [darkest, lightest]: [f64; 2]) -> Vec<f64> {
         let ([columns, rows], [width, height]) = (raster.sides(), self.sides);
-        let [darkest, lightest] = self.extremes();
         let dark = |x: usize, y: usize| match self.pixels[y * width + x] {
             Pixel::Grey(level) => (lightest - level) / (lightest - darkest),
             Pixel::Index(_) => 0.0,
@@ -218,11 +257,9 @@ impl Image {
             let of_row = |row: usize| across.iter().map(|&(x, part)| part * dark(x, row)).sum::<f64>();
             down.iter().map(|&(row, part)| part * of_row(row)).sum::<f64>()
         };
-        let shares: Vec<f64> = (0..raster.cells())
+        (0..raster.cells())
             .map(|at| share(at % columns, at / columns))
-            .collect();
-        let pattern = Pattern::from_fn(raster, |x, y| shares[y * columns + x] >= threshold);
-        (pattern, shares.iter().sum::<f64>() / shares.len() as f64)
+            .collect()
     }
 }
 

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
+use super::coverage::Coverage;
 use super::electrodes::Electrodes;
 use super::membrane::Membrane;
 use super::symmetry::{Symmetries, Symmetry};
@@ -26,6 +27,9 @@ pub struct Pattern {
     cells: Box<[u8]>,
     /// The shapes of the electrodes, if elements follow them. The cells are then those with their centre in a shape.
     electrodes: Option<Arc<Electrodes>>,
+    /// The share of each cell that is covered, if electrodes cover parts of cells. The cells are then those that are
+    /// covered by half or more.
+    coverage: Option<Arc<Coverage>>,
 }
 
 /// The raster, the number of electrode groups and the size of the patterns of a device.
@@ -235,6 +239,7 @@ impl Pattern {
                 raster,
                 cells: cells.into(),
                 electrodes: None,
+                coverage: None,
             }),
         }
     }
@@ -253,6 +258,7 @@ impl Pattern {
             raster,
             cells: (0..raster.cells()).map(|i| group(i % columns, i / columns)).collect(),
             electrodes: None,
+            coverage: None,
         }
     }
 
@@ -266,6 +272,24 @@ impl Pattern {
     #[must_use]
     pub fn electrodes(&self) -> Option<&Arc<Electrodes>> {
         self.electrodes.as_ref()
+    }
+
+    /// Builds the pattern of electrodes that cover parts of cells. Its cells are those that are covered by half or
+    /// more; if no cell is covered in part, it is the pattern of these cells.
+    #[must_use]
+    pub fn of_coverage(coverage: Coverage) -> Self {
+        Self {
+            raster: coverage.raster(),
+            cells: coverage.cells().into(),
+            electrodes: None,
+            coverage: coverage.has_cut_cells().then(|| Arc::new(coverage)),
+        }
+    }
+
+    /// Returns the share of each cell that is covered, if electrodes cover parts of cells.
+    #[must_use]
+    pub fn coverage(&self) -> Option<&Arc<Coverage>> {
+        self.coverage.as_ref()
     }
 
     /// Returns the raster.
@@ -300,11 +324,12 @@ impl Pattern {
         self.cells[y * columns + x]
     }
 
-    /// Returns the highest electrode group of a cell or a shape; 0 without electrodes.
+    /// Returns the highest electrode group of a cell, a part of one or a shape; 0 without electrodes.
     #[must_use]
     pub fn groups(&self) -> usize {
         let drawn = self.electrodes.iter().flat_map(|electrodes| electrodes.groups());
-        let all = self.cells.iter().chain(drawn.map(|(group, _)| group));
+        let covered = self.coverage.iter().flat_map(|coverage| coverage.groups());
+        let all = self.cells.iter().chain(drawn.map(|(group, _)| group)).chain(covered);
         all.max().map_or(0, |&group| usize::from(group))
     }
 
@@ -315,6 +340,7 @@ impl Pattern {
             raster: self.raster,
             cells: self.cells.iter().map(|&cell| u8::from(cell == group)).collect(),
             electrodes: None,
+            coverage: None,
         }
     }
 
@@ -330,6 +356,7 @@ impl Pattern {
             raster: self.raster,
             cells: self.cells.iter().map(exchanged).collect(),
             electrodes: None,
+            coverage: None,
         }
     }
 
@@ -356,6 +383,7 @@ impl Pattern {
             raster: self.raster.transformed(g),
             cells,
             electrodes: self.electrodes.as_ref().map(image),
+            coverage: self.coverage.as_ref().map(|coverage| Arc::new(coverage.transformed(g))),
         }
     }
 
@@ -366,13 +394,15 @@ impl Pattern {
         let smallest = group.iter().map(|g| self.transformed(g)).min();
         let smallest = smallest.as_ref().unwrap_or(self);
         let cells = &smallest.cells;
-        // Different rasters may have the same cell values, and different shapes the same cells.
+        // Different rasters may have the same cell values, and different shapes and shares the same cells.
         let sides = [self.raster.columns, self.raster.rows].map(u16::to_le_bytes);
-        match (&smallest.electrodes, self.raster == Raster::PAPER) {
-            (None, true) => OrbitId::of(cells),
-            (None, false) => OrbitId::of(&[sides.as_flattened(), cells].concat()),
-            (Some(electrodes), _) => OrbitId::of(&[sides.as_flattened(), cells, &electrodes.bytes()].concat()),
-        }
+        let shapes = match (&smallest.electrodes, &smallest.coverage) {
+            (None, None) if self.raster == Raster::PAPER => return OrbitId::of(cells),
+            (None, None) => Vec::new(),
+            (Some(electrodes), _) => electrodes.bytes(),
+            (None, Some(coverage)) => coverage.bytes(),
+        };
+        OrbitId::of(&[sides.as_flattened(), cells, &shapes].concat())
     }
 }
 

@@ -102,6 +102,8 @@ pub fn read_patterns_of(
     match kind {
         FileKind::Drawing(format) => drawn::read(path, format, form, drawings),
         _ if drawings.edges == Edges::Fitted => Err(drawn::no_shapes()),
+        FileKind::Picture if drawings.edges == Edges::Coverage => png::read_shares(path, form),
+        _ if drawings.edges == Edges::Coverage => Err(drawn::no_shares()),
         _ => read(path, kind, dataset, form, Greys::Covered, drawings.threshold),
     }
 }

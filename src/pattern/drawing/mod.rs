@@ -35,7 +35,7 @@ pub struct DrawingOptions {
     pub join_mm: f64,
     /// The dark share from which on a cell of a picture is an electrode.
     pub threshold: f64,
-    /// Whether elements follow the edges of drawings.
+    /// How the edges of drawings are followed, and whether greys of pictures cover parts of cells.
     pub edges: Edges,
 }
 

@@ -422,6 +422,66 @@ fn pictures_are_read_by_coverage_and_the_area_is_stated() {
 }
 
 #[test]
+fn greys_of_pictures_cover_parts_of_cells() {
+    use ::png::ColorType::Grayscale;
+    let folder = Folder::new();
+    let options = DrawingOptions {
+        edges: crate::Edges::Coverage,
+        ..DrawingOptions::default()
+    };
+    let read = |name: &str, groups: usize| {
+        let form = PatternForm::of_square_cells(Raster::new(3, 2).unwrap(), groups);
+        read_patterns_of(&folder.path(name), None, form, &options).map_err(|error| error.to_string())
+    };
+    // The first row is the upper edge; 1 − g/255.
+    fs::write(
+        folder.path("grey.png"),
+        png(3, 2, Grayscale, &[0, 255, 204, 255, 51, 127]),
+    )
+    .unwrap();
+    let found = read("grey.png", 1).unwrap();
+    let coverage = found.patterns[0].coverage().unwrap();
+    let expected = [0.0, 0.8, 128.0 / 255.0, 1.0, 0.0, 0.2];
+    for (share, expected) in coverage.shares().into_iter().zip(expected) {
+        assert!((share - expected).abs() < 1e-9, "{share} {expected}");
+    }
+    assert_eq!(
+        (found.patterns[0].cells(), found.notes.len()),
+        (&[0, 1, 1, 1, 0, 0][..], 0)
+    );
+    // Pixels are averaged over a cell.
+    let halves: Vec<u8> = (0..24).map(|at| if at % 6 == 0 { 0 } else { 255 }).collect();
+    fs::write(folder.path("fine.png"), png(6, 4, Grayscale, &halves)).unwrap();
+    let found = read("fine.png", 1).unwrap();
+    assert_eq!(
+        found.patterns[0].coverage().unwrap().shares(),
+        [0.5, 0.0, 0.0, 0.5, 0.0, 0.0]
+    );
+    // Black and white are whole cells.
+    fs::write(
+        folder.path("whole.png"),
+        png(3, 2, Grayscale, &[0, 255, 0, 255, 0, 255]),
+    )
+    .unwrap();
+    let found = read("whole.png", 1).unwrap();
+    assert!(found.patterns[0].coverage().is_none());
+    assert_eq!(found.patterns[0].cells(), [0, 1, 0, 1, 0, 1]);
+    assert!(
+        read("grey.png", 2)
+            .unwrap_err()
+            .contains("number of an electrode group")
+    );
+    fs::write(folder.path("wrong.png"), png(2, 9, Grayscale, &[0; 18])).unwrap();
+    assert_eq!(read("wrong.png", 1).unwrap_err(), "the image has 2 × 9 pixels");
+    fs::write(folder.path("cells.csv"), "0,1,0\n1,1,1\n").unwrap();
+    assert!(
+        read("cells.csv", 1)
+            .unwrap_err()
+            .contains("drawings and pictures alone")
+    );
+}
+
+#[test]
 fn pictures_have_the_ratio_of_the_cells_or_that_of_the_membrane() {
     use ::png::ColorType::Grayscale;
     let folder = Folder::new();
