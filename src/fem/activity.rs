@@ -8,8 +8,9 @@ use std::sync::Arc;
 
 use pulp::Simd;
 
-use deaflow_pattern::{Part, Pattern};
+use deaflow_pattern::{Coverage, Part, Pattern};
 
+use super::coverage::Covered;
 use super::fitted::MappedView;
 use super::grid::Grid;
 use super::lanes::{Value, Wide};
@@ -30,6 +31,8 @@ pub struct Activity {
     points: Option<Arc<Points>>,
     /// Whether each element is either active or bare.
     is_binary: bool,
+    /// Elements that electrodes cover in part, if any.
+    covered: Option<Arc<Covered>>,
     /// An additional energy.
     memory: Option<Arc<Memory>>,
 }
@@ -75,6 +78,24 @@ impl Activity {
             };
             load_of(grid.content(element).group.unwrap_or_else(of_pattern), loads)
         })
+    }
+
+    /// Creates the activity of electrodes that cover parts of cells, with a share of the load for each electrode group.
+    /// Elements of cells that are cut by an edge are laminates; kernels see them as linear in the share.
+    ///
+    /// # Panics
+    /// If a cell belongs to a group without share.
+    #[must_use]
+    pub fn of_coverage(grid: &Grid, coverage: &Arc<Coverage>, loads: &[f64]) -> Self {
+        let linear = Self::from_elements(grid, |element| {
+            let [x, y] = grid.cell_of(element);
+            coverage.share(x, y) * load_of(coverage.group(x, y), loads)
+        });
+        let covered = Covered::new(grid, linear.elements(), coverage, loads);
+        Self {
+            covered: Some(Arc::new(covered)),
+            ..linear
+        }
     }
 
     /// Creates an activity from a share for each cell (column, row), with respect to which patterns are differentiated.
@@ -145,6 +166,7 @@ impl Activity {
             values: BothPrecisions::new(values),
             points: None,
             sides: (!grid.is_plain()).then(|| [widths(), heights()]),
+            covered: None,
             memory: None,
         }
     }
@@ -168,6 +190,12 @@ impl Activity {
     #[must_use]
     pub fn memory(&self) -> Option<&Memory> {
         self.memory.as_deref()
+    }
+
+    /// Returns the elements that electrodes cover in part; `None` if electrodes cover whole cells.
+    #[must_use]
+    pub(super) fn covered(&self) -> Option<&Covered> {
+        self.covered.as_deref()
     }
 
     /// Returns whether each element is either active or bare.
@@ -222,7 +250,11 @@ impl Activity {
                 let points = (self.grid.layout().degree() + 1).pow(2);
                 (&within.values, [points * part, part], &within.strongest)
             }
-            None => (&self.values, [part, 0], &self.values),
+            None => {
+                let covered = self.covered.as_ref();
+                let strongest = covered.map_or(&self.values, |covered| covered.of_uncut_elements());
+                (&self.values, [part, 0], strongest)
+            }
         };
         View {
             values: T::of(values),

@@ -2,7 +2,8 @@
 //!
 //! With the equilibrium R(u, S) = 0 and a functional J(u), dJ/dS = −ψ · ∂R/∂S, where Aψ = ∂J/∂u with the symmetric
 //! tangent A (for instance Bendsøe and Sigmund, Topology Optimization, 2003, section 1.2.2). The energy is linear in
-//! the activity S, so ∂R/∂S is the difference between the active and the bare stress.
+//! the activity S, so ∂R/∂S is the difference between the active and the bare stress. Of electrodes that cover parts of
+//! cells, S is the covered share, and ∂R/∂S that of laminates.
 
 use deaflow_field::{Field, Order};
 use deaflow_pattern::Part;
@@ -29,7 +30,10 @@ pub fn gradient<L: Material>(
 ) -> Result<Vec<f64>, NewtonFailure> {
     let load = operator.activity.grid().spread(weights, u);
     let adjoint = newton::solve_tangent(operator, laplacian, tolerance, u, &load, workspace)?;
-    Ok(of_cells(operator, u, &adjoint))
+    match operator.laminates() {
+        Some(laminates) => laminates.gradient(u, &adjoint).ok_or(NewtonFailure::NegativeCurvature),
+        None => Ok(of_cells(operator, u, &adjoint)),
+    }
 }
 
 /// Computes the gradient of J with u in mm for a model; `None` if the tangent at `u` is not positive definite.

@@ -8,6 +8,7 @@ use deaflow_linalg::{Pair, SparseColMat, Sparsity};
 use super::element::{Bilinear, Biquadratic, Element};
 use super::grid::Grid;
 use super::kinematics::add_scaled;
+use super::laminate::excess_tangent;
 use super::material::Material;
 use super::memory;
 use super::operator::Operator;
@@ -292,6 +293,7 @@ fn assemble<E: Element<N>, L: Material, const N: usize>(
     let plane = u.len() / 2;
     let mut sums = Vec::new();
     let mut gradients = [[[0.0; 2]; 2]; N];
+    let mut of_laminate = None;
     let mut current = None;
     unknowns.for_each_entry::<N>(poses, |([column, row], c, node), entries| {
         let mut entries = entries.peekable();
@@ -301,13 +303,24 @@ fn assemble<E: Element<N>, L: Material, const N: usize>(
         if current.replace([column, row]) != Some([column, row]) {
             let nodes = grid.nodes_of::<N>([column, row]);
             gradients = grid.gradients::<E, N>([column, row], &[0, 1].map(|c| nodes.map(|at| u[at + c * plane])));
+            let laminate = operator
+                .activity
+                .covered()
+                .and_then(|covered| covered.laminate([column, row]));
+            of_laminate = laminate.map(|laminate| {
+                gradients.map(|gradient| laminate.excess_moduli(operator.material, gradient).unwrap_or_default())
+            });
         }
         let mut unit = [[0.0; N]; 2];
         unit[c][node] = 1.0;
         let changes = grid.changes::<E, N>([column, row], &unit);
         let stresses = std::array::from_fn(|q| {
             let active = operator.activity.at_point(row, q, N)[column];
-            let of_material = operator.material.tangent(gradients[q], active, changes[q]);
+            let linear = operator.material.tangent(gradients[q], active, changes[q]);
+            let of_material = match &of_laminate {
+                Some(moduli) => add_scaled(linear, 1.0, excess_tangent(&moduli[q], changes[q])),
+                None => linear,
+            };
             let Some(memory) = operator.activity.memory() else {
                 return of_material;
             };

@@ -137,6 +137,15 @@ pub enum SetupError {
         /// The incompatible setting.
         with: &'static str,
     },
+    /// Electrodes that cover parts of cells, with an incompatible setting.
+    #[error(
+        "cells that electrodes cover in part are not simulated together with {with}: use `edges: fitted` or `edges: \
+         cells`, or remove it"
+    )]
+    Coverage {
+        /// The incompatible setting.
+        with: &'static str,
+    },
     /// Inertia without density.
     #[error("inertia needs a density: add `density` to `properties`")]
     Density,
@@ -194,6 +203,7 @@ impl SetupError {
                 | Self::Island { .. }
                 | Self::Borders(_)
                 | Self::Curves { .. }
+                | Self::Coverage { .. }
                 | Self::Density
                 | Self::NothingMoves
                 | Self::Steps { .. }

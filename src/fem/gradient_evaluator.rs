@@ -77,6 +77,10 @@ impl Differentiable for GradientEvaluator {
         pattern: &Pattern,
         slope: &dyn Fn(&Field) -> Field,
     ) -> Result<Option<WithGradient>, PredictError> {
+        if pattern.coverage().is_some() {
+            let with = "a search of designs";
+            return Err(PredictError::failed(SetupError::Coverage { with }));
+        }
         let solver = self.plain.as_ref().unwrap_or(&self.solver);
         let solution = solver.solve(pattern);
         let Some(field) = solver.simulation(pattern, &solution).field else {

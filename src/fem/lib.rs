@@ -3,9 +3,10 @@
 //! All quantities are dimensionless: stress is divided by μλp², lengths by the side of an element. So two numbers
 //! describe a scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ; for unequal prestretch, λp is √(λ₁λ₂) as described in
 //! [`grid`]. The modules follow the method, from the point to the result: kinematics, energy and effects; sheet,
-//! fitted, grid, element, layout, sampling and lanes; operator; gemm, modes and precondition; krylov, work, newton,
-//! direct and dynamic_stiffness; eigenvalue, stability and continuation; solver, and on it accurate, adjoint, cells, response,
-//! margin, path, points, fully_active, critical, limit, observable, gradient_evaluator and safety_margins; evaluator, which
+//! fitted, grid, element, layout, sampling and lanes; coverage, laminate and laminates; operator; gemm, modes and
+//! precondition; krylov, work, newton, direct and dynamic_stiffness; eigenvalue, stability and continuation; solver, and
+//! on it accurate, adjoint, cells, response, margin, path, points, fully_active, critical, limit, observable,
+//! gradient_evaluator and safety_margins; evaluator, which
 //! implements the traits of `field`; simulators and screening.
 
 mod accurate;
@@ -17,6 +18,7 @@ mod cells;
 mod charge;
 mod columns;
 mod continuation;
+mod coverage;
 mod critical;
 mod direct;
 mod dynamic_stiffness;
@@ -34,6 +36,8 @@ pub mod grid;
 mod kernels;
 pub mod kinematics;
 mod krylov;
+mod laminate;
+mod laminates;
 pub mod lanes;
 pub mod layout;
 mod limit;
@@ -75,6 +79,7 @@ pub use evaluator::{
 };
 pub use fully_active::{FIRST_UNSTABLE, MOST_UNSTABLE, fully_active_limit, no_pattern_limit};
 pub use gradient_evaluator::GradientEvaluator;
+pub use laminates::check_covered_cells;
 pub use limit::CriticalSearch;
 pub use margin::StabilityReport;
 pub use observable::{CellState, Tension, cell_states};

@@ -7,6 +7,7 @@ use deaflow_field::{Mesh, Order};
 use deaflow_pattern::{Part, Pattern};
 use deaflow_scene::Scene;
 
+use super::coverage::Laminate;
 use super::effects::{Model, WithMaterial};
 use super::element::{Bilinear, Biquadratic, Element};
 use super::error::SetupError;
@@ -103,9 +104,10 @@ impl WithMaterial for States<'_> {
             Order::Biquadratic => mapped_cells::<Biquadratic, 9>(self.activity, self.u),
         };
         let places = (0..raster.cells()).map(|i| (i % raster.columns(), i / raster.columns()));
+        let coverage = self.pattern.coverage();
         places
             .map(|(x, y)| {
-                let cell = match cells.get(y * raster.columns() + x) {
+                let mut cell = match cells.get(y * raster.columns() + x) {
                     Some(sums) => sums.mean(grid.rest()),
                     None => Cell {
                         f: mean_deformation(grid, &integrals, self.u, x, y),
@@ -116,7 +118,15 @@ impl WithMaterial for States<'_> {
                         },
                     },
                 };
-                self.state(&material, &scale, cell)
+                if let Some(coverage) = coverage.filter(|_| cell.share > 0.0) {
+                    cell.load = load_of(coverage.group(x, y), self.loads);
+                }
+                let cut = self
+                    .activity
+                    .covered()
+                    .and_then(|covered| covered.laminate_of_cell([x, y]));
+                let cut = cut.filter(Laminate::is_cut);
+                self.state(&material, &scale, cell, cut)
             })
             .collect()
     }
@@ -136,14 +146,27 @@ struct Scale {
 }
 
 impl States<'_> {
-    fn state<L: Material>(&self, material: &L, scale: &Scale, Cell { f, share, load }: Cell) -> CellState {
+    /// Returns the state of a cell, and of the laminate of one that is cut: its mean stress, and the field in its covered
+    /// layer.
+    fn state<L: Material>(
+        &self,
+        material: &L,
+        scale: &Scale,
+        Cell { f, share, load }: Cell,
+        cut: Option<Laminate>,
+    ) -> CellState {
         let &Scale {
             prestretch,
             modulus,
             voltage,
             thickness,
         } = scale;
-        let stress = material.stress([[f[0][0] - 1.0, f[0][1]], [f[1][0], f[1][1] - 1.0]], share);
+        let gradient = [[f[0][0] - 1.0, f[0][1]], [f[1][0], f[1][1] - 1.0]];
+        let layers = cut.and_then(|cut| cut.layers(material, gradient).map(|layers| (cut, layers)));
+        let (stress, covered) = match layers {
+            Some((cut, layers)) => (cut.stress(material, &layers), deformation(layers.covered)),
+            None => (material.stress(gradient, share), f),
+        };
         let rest = material.self_stress(f);
         let unit = modulus * prestretch;
         let piola = std::array::from_fn(|i| std::array::from_fn(|k| unit * (stress[i][k] + rest[i][k])));
@@ -151,7 +174,7 @@ impl States<'_> {
         let nominal = voltage * load.sqrt() / thickness;
         CellState {
             stretches: squared_stretches(f).map(|s| prestretch * s.sqrt()),
-            electric_field: nominal * prestretch * prestretch * determinant(f),
+            electric_field: nominal * prestretch * prestretch * determinant(covered),
             piola,
             stresses,
             tension: match stresses.map(|s| s < -ROUNDING * modulus) {

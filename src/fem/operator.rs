@@ -5,6 +5,7 @@ use super::energy::Margins;
 pub use super::kernels::MaterialAtRest;
 pub(crate) use super::kernels::{add_rest, scale_gradients, scale_stresses};
 use super::kernels::{stress_at_rest, without_material};
+use super::laminates::Laminates;
 use super::layout::NodeLayout;
 use super::material::{Material, MaterialPrecision, Passes};
 use super::memory;
@@ -41,6 +42,11 @@ impl<L: Material> Operator<'_, L> {
     #[must_use]
     pub fn layout(&self) -> NodeLayout {
         self.activity.grid().layout()
+    }
+
+    /// Returns the laminates of elements that electrodes cover in part, if there are any.
+    pub(super) fn laminates(&self) -> Option<Laminates<'_, L>> {
+        Laminates::of(self.activity, self.material)
     }
 
     /// Returns a bound of the entries of a residual due to rounding of the stress at rest, which is not zero with
@@ -92,7 +98,8 @@ impl<L: Material> Operator<'_, L> {
     /// time.
     fn is_uniform_at_rest(&self) -> bool {
         let grid = self.activity.grid();
-        let is_alone = grid.supports().is_none() && self.activity.memory().is_none();
+        let is_whole = self.activity.covered().is_none();
+        let is_alone = grid.supports().is_none() && self.activity.memory().is_none() && is_whole;
         self.material.stores_moduli() && grid.is_plain() && is_alone && self.activity.is_binary()
     }
 
@@ -103,7 +110,10 @@ impl<L: Material> Operator<'_, L> {
         self.add_memory_forces(out, |memory_forces| {
             without_material(self.activity).forces_of_memory(u, memory_forces)
         });
-        smallest
+        match self.laminates() {
+            Some(laminates) => smallest.min(laminates.add_forces(u, out)),
+            None => smallest,
+        }
     }
 
     /// Writes the mean residual over a step from `u` by `du` at interior nodes into `out`; its work is the change of
@@ -144,6 +154,11 @@ impl<L: Material> Operator<'_, L> {
         let (mut moduli, passes) = (Vec::new(), T::passes(self.material));
         passes.store_moduli(self.activity, u, &mut moduli);
         passes.tangent_product(self.activity, [u, du], &moduli, out);
+        if let Some(laminates) = self.laminates() {
+            moduli.clear();
+            laminates.store_moduli(u, &mut moduli);
+            laminates.add_product(du, &moduli, out);
+        }
         self.add_bodies(u, du, &curvatures, out);
     }
 
@@ -199,6 +214,9 @@ impl<L: Material> Operator<'_, L> {
         } else {
             T::passes(self.material).store_moduli(self.activity, u, moduli);
         }
+        if let Some(laminates) = self.laminates() {
+            laminates.store_moduli(u, moduli);
+        }
         moduli.extend(self.curvatures(u).into_iter().map(T::from_f64));
     }
 
@@ -210,11 +228,17 @@ impl<L: Material> Operator<'_, L> {
             .supports()
             .map_or(0, |supports| supports.bodies().len());
         let (moduli, curvatures) = moduli.split_at(moduli.len() - bodies);
+        let laminates = self.laminates();
+        let count = laminates.as_ref().map_or(0, Laminates::count_moduli);
+        let (moduli, of_laminates) = moduli.split_at(moduli.len() - count);
         let passes = T::passes(self.material);
         if self.material.stores_moduli() && moduli.is_empty() {
             without_material(self.activity).tangent_at_rest([u, du], &passes.at_rest(), out);
         } else {
             passes.tangent_product(self.activity, [u, du], moduli, out);
+        }
+        if let Some(laminates) = laminates {
+            laminates.add_product(du, of_laminates, out);
         }
         let curvatures: Vec<f64> = curvatures.iter().map(|curvature| curvature.to_f64()).collect();
         self.add_bodies(u, du, &curvatures, out);
@@ -222,7 +246,11 @@ impl<L: Material> Operator<'_, L> {
 
     /// Returns the smallest margins over the quadrature points.
     pub fn margins<T: MaterialPrecision>(&self, u: &[T]) -> Margins<f64> {
-        T::passes(self.material).smallest_margins(self.activity, u)
+        let margins = T::passes(self.material).smallest_margins(self.activity, u);
+        match self.laminates() {
+            Some(laminates) => laminates.smallest_margins(u, margins),
+            None => margins,
+        }
     }
 }
 

@@ -189,15 +189,17 @@ impl Model {
         }
     }
 
-    /// Returns the activity of a pattern; with a fringe field the grid must be that of [`Model::grid`].
+    /// Returns the activity of a pattern; with a fringe field the grid must be that of [`Model::grid`]. Electrodes that
+    /// cover parts of cells need a scene that [`crate::check_covered_cells`] allows.
     ///
     /// # Panics
     /// If a cell belongs to an electrode group that the scene does not have.
     #[must_use]
     pub fn activity(&self, grid: &Grid, pattern: &Pattern) -> Activity {
-        self.add_unrelaxed(match &self.fringe {
-            None => Activity::of_groups(grid, pattern, &self.loads),
-            Some(fringe) => fringe.activity(grid, pattern, &self.loads),
+        self.add_unrelaxed(match (&self.fringe, pattern.coverage()) {
+            (None, None) => Activity::of_groups(grid, pattern, &self.loads),
+            (None, Some(coverage)) => Activity::of_coverage(grid, coverage, &self.loads),
+            (Some(fringe), _) => fringe.activity(grid, pattern, &self.loads),
         })
     }
 

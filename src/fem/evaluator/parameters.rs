@@ -266,6 +266,22 @@ impl SolverParameters {
         Self::read(&document.root.fields("the solver", &Self::keys())?, Mesh::bilinear(2))
     }
 
+    /// Checks that equilibria on one mesh are asked for, which alone are simulated where electrodes cover parts of
+    /// cells.
+    ///
+    /// # Errors
+    /// If something else is asked for.
+    pub fn check_covered_cells(&self) -> Result<(), SetupError> {
+        let with = match (self.follows_time(), self.mesh, self.method) {
+            (true, ..) => "a history",
+            // Its meshes refine the elements of a covered cell, not the cell.
+            (false, MeshRequest::Accuracy(_), _) => "`accuracy`",
+            (false, _, Method::Linear | Method::Chord(_)) => "`method: linear` and `method: chord`",
+            (false, _, Method::Newton) => return Ok(()),
+        };
+        Err(SetupError::Coverage { with })
+    }
+
     /// Returns the relative residual at which Newton's method ends.
     #[must_use]
     pub fn tolerance(&self) -> f64 {

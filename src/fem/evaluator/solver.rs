@@ -8,6 +8,7 @@ use super::method::Method;
 use super::parameters::{MeshRequest, SolverParameters};
 use crate::accurate::{AccurateSimulation, AccurateSolver};
 use crate::error::SetupError;
+use crate::laminates::check_covered_cells;
 use crate::observable::CellState;
 use crate::response::{Estimator, LinearResponse};
 use crate::screening::resolve;
@@ -132,7 +133,8 @@ impl Solver {
     /// Simulates patterns in order; results on a fixed mesh have no error estimate.
     ///
     /// # Errors
-    /// If a pattern has electrode groups without voltage or a part without a lead, or a finer mesh cannot be set up.
+    /// If a pattern has electrode groups without voltage, a part without a lead, or cells that are covered in part and
+    /// cannot be simulated in this way, or if a finer mesh cannot be set up.
     pub fn simulate(&self, patterns: &[Pattern]) -> Result<Vec<AccurateSimulation>, SetupError> {
         self.check(patterns)?;
         self.each(patterns, |solver, patterns| solver.simulate_on_own_borders(patterns))
@@ -194,10 +196,21 @@ impl Solver {
 
     fn check(&self, patterns: &[Pattern]) -> Result<(), SetupError> {
         let groups = self.form.groups;
+        if patterns.iter().any(|pattern| pattern.coverage().is_some()) {
+            check_covered_cells(&self.scene)?;
+            self.parameters.check_covered_cells()?;
+            if self.gamma != 0.0 {
+                return Err(SetupError::Coverage {
+                    with: "`viscoelasticity`",
+                });
+            }
+        }
         let Some(pattern) = patterns.iter().find(|pattern| pattern.groups() > groups) else {
             return check_leads(self.leads.as_ref(), patterns);
         };
-        let (cells, columns) = (pattern.cells(), pattern.raster().columns());
+        let coverage = pattern.coverage();
+        let cells = coverage.map_or(pattern.cells(), |coverage| coverage.groups());
+        let columns = pattern.raster().columns();
         let at = cells
             .iter()
             .position(|&group| usize::from(group) > groups)

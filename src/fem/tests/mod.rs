@@ -2,6 +2,7 @@
 
 mod charge;
 mod convergence;
+mod coverage;
 mod devices;
 mod discrete;
 mod effects;
