@@ -49,7 +49,8 @@ pub struct SolveArguments {
     /// Override a value of the scene, such as drive.voltage="4 kV"
     #[arg(long = "set", value_name = "PATH=VALUE")]
     sets: Vec<String>,
-    /// How the edges of electrodes in drawings are followed: by cells, or fitted, so that elements follow them
+    /// How the edges of electrodes in drawings are followed: by cells, fitted, so that elements follow them, or
+    /// coverage, the share of each cell that they, or the greys of a picture, cover
     #[arg(
         long,
         value_name = "EDGES",

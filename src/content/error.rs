@@ -94,4 +94,7 @@ pub enum ElementError {
     /// The arrays are not the shapes of electrodes.
     #[error("`electrodes` are not shapes of electrode groups: {0}")]
     Electrodes(&'static str),
+    /// The arrays are not the shares of cells that electrodes cover.
+    #[error("`covered` are not the shares of cells that electrodes cover: {0}")]
+    Covered(String),
 }

@@ -62,7 +62,7 @@ pub use load_paths::LoadPaths;
 pub use observations::{Meshes, NO_STATE, Observations};
 pub use part::LongTexts;
 pub use patterns::named_patterns;
-pub use samples::{DrawnElectrodes, FROM_FILE, SAMPLED, SampleRows, Samples};
+pub use samples::{CoveredCells, DrawnElectrodes, FROM_FILE, SAMPLED, SampleRows, Samples};
 pub use solutions::{SOLVED, Solutions, SolutionsView, SolvedHistories, Unstable};
 pub use solve_file::{CellFields, SolveFile};
 pub use table::Table;

@@ -1,7 +1,7 @@
 //! The file of `deaflow solve --path`: the points and events of all patterns are concatenated. It may contain NaN.
 
 use super::macros::arrays;
-use super::samples::DrawnElectrodes;
+use super::samples::{CoveredCells, DrawnElectrodes};
 use deaflow_field::Field;
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
@@ -13,6 +13,8 @@ arrays! {
         patterns: Vec<Pattern> = array("patterns", "1", [path, y, x]),
         /// If elements follow drawn electrodes, their shapes.
         electrodes: Option<DrawnElectrodes> = group("electrodes", [(sample, path)]),
+        /// If electrodes cover parts of cells, the shares.
+        covered: Option<CoveredCells> = group("covered", [(sample, path)]),
         /// Path i has the points from element i (inclusive) to element i + 1 (exclusive).
         point_offsets: Vec<u64> = array("point_offsets", "1", [path_bound]),
         /// Path i has the events from element i (inclusive) to element i + 1 (exclusive).

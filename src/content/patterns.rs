@@ -3,14 +3,14 @@
 use std::path::Path;
 
 use super::part::{At, Part};
-use super::samples::DrawnElectrodes;
+use super::samples::{CoveredCells, DrawnElectrodes};
 use super::view::Stored;
 use deaflow_base::InputError;
 use deaflow_pattern::{DrawingOptions, Edges, FilePatterns, Pattern, PatternForm, read_patterns, split_array};
 use deaflow_store::Artifact;
 
 /// Reads the patterns that an argument names: a file of patterns, or a dataset of an artifact, which may be a manifest.
-/// With fitted edges an artifact must have the shapes of the electrodes.
+/// With fitted edges an artifact must have the shapes of the electrodes, by coverage the shares of cells.
 /// Artifacts are read through the store, because HDF5 would show fill values for missing chunks of a manifest.
 ///
 /// # Errors
@@ -29,13 +29,20 @@ pub fn named_patterns(
     let dataset = dataset.trim_start_matches('/');
     let at = At::default().array(dataset, "1", &["n", "y", "x"], "");
     let mut patterns: Vec<Pattern> = Stored::new(&artifact, at).read().map_err(|e| refused(e.to_string()))?;
+    let group = dataset.rsplit_once('/').map_or("", |(group, _)| group);
+    let at = |name: &str| At::default().group(group, &[]).group(name, &[]);
     if drawings.edges == Edges::Fitted {
-        let group = dataset.rsplit_once('/').map_or("", |(group, _)| group);
-        let at = At::default().group(group, &[]).group("electrodes", &[]);
+        let at = at("electrodes");
         let drawn: Option<DrawnElectrodes> = Part::get(&at, &artifact).map_err(|e| refused(e.to_string()))?;
         let drawn = drawn
             .ok_or_else(|| refused("its electrodes are cells, not shapes that elements could follow".to_owned()))?;
         patterns = drawn.add_to(patterns).map_err(|e| refused(e.to_string()))?;
+    }
+    if drawings.edges == Edges::Coverage {
+        let covered: Option<CoveredCells> = Part::get(&at("covered"), &artifact).map_err(|e| refused(e.to_string()))?;
+        let covered = covered
+            .ok_or_else(|| refused("its electrodes are whole cells, none of which is covered in part".to_owned()))?;
+        patterns = covered.add_to(patterns).map_err(|e| refused(e.to_string()))?;
     }
     let PatternForm { raster, groups, .. } = form;
     let other = patterns

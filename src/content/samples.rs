@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
+use super::element::{Packed, PerCell};
 use super::error::ElementError;
 use super::macros::arrays;
-use deaflow_pattern::{Electrodes, Pattern, Polygons};
+use deaflow_pattern::{Coverage, Electrodes, Pattern, Polygons};
 
 /// The kinds of stages with this artifact.
 pub const SAMPLED: [&str; 2] = ["sample", "patterns"];
@@ -41,6 +42,83 @@ arrays! {
         units: Vec<u64> = array("units", "1", [sample]),
         /// If elements follow drawn electrodes, their shapes.
         electrodes: Option<DrawnElectrodes> = group("electrodes"),
+        /// If electrodes cover parts of cells, the shares.
+        covered: Option<CoveredCells> = group("covered"),
+    }
+}
+
+arrays! {
+    /// The share of each cell that an electrode covers.
+    #[derive(Default)]
+    pub struct CoveredCells, CoveredCellsView {
+        /// Share of each cell that is covered.
+        share: Packed<PerCell<f64>> = array("share", "1", [sample, y, x]),
+        /// Electrode group that covers the cell or a part of it, 0 if none.
+        group: Packed<PerCell<u8>> = array("group", "1", [sample, y, x]),
+    }
+}
+
+impl CoveredCells {
+    /// Returns the shares of the cells of patterns; `None` if no pattern has cells that are covered in part.
+    #[must_use]
+    pub fn of(patterns: &[Pattern]) -> Option<Self> {
+        patterns.iter().find_map(Pattern::coverage)?;
+        Some(Self::of_all(patterns))
+    }
+
+    /// Returns the shares of the cells of patterns, also if all cells are whole.
+    #[must_use]
+    pub fn of_all(patterns: &[Pattern]) -> Self {
+        let mut all = Self::default();
+        for pattern in patterns {
+            match pattern.coverage() {
+                Some(coverage) => {
+                    all.share.0.extend(coverage.shares());
+                    all.group.0.extend(coverage.groups());
+                }
+                None => {
+                    let whole = |cell: &u8| f64::from(u8::from(*cell != 0));
+                    all.share.0.extend(pattern.cells().iter().map(whole));
+                    all.group.0.extend(pattern.cells());
+                }
+            }
+        }
+        all
+    }
+
+    /// Adds the shares to patterns.
+    ///
+    /// # Errors
+    /// If the arrays do not fit the patterns, or a value is out of range.
+    pub(super) fn add_to(&self, patterns: Vec<Pattern>) -> Result<Vec<Pattern>, ElementError> {
+        let refused = |why: &str| ElementError::Covered(why.to_owned());
+        let cells: usize = patterns.iter().map(|pattern| pattern.cells().len()).sum();
+        if self.share.0.len() != cells || self.group.0.len() != cells {
+            return Err(refused("not one for each cell"));
+        }
+        if self
+            .group
+            .0
+            .iter()
+            .any(|group| usize::from(*group) > Pattern::MOST_GROUPS)
+        {
+            return Err(refused("a group is out of range"));
+        }
+        let mut first = 0;
+        let one = |pattern: Pattern| {
+            let own = first..first + pattern.cells().len();
+            first = own.end;
+            let coverage = Coverage::new(pattern.raster(), &self.group.0[own.clone()], &self.share.0[own]);
+            let coverage = coverage.map_err(|error| ElementError::Covered(error.to_string()))?;
+            match coverage.has_cut_cells() {
+                _ if coverage.cells() != pattern.cells() => Err(refused(
+                    "cells that are covered by half or more are not those of the pattern",
+                )),
+                true => Ok(Pattern::of_coverage(coverage)),
+                false => Ok(pattern),
+            }
+        };
+        patterns.into_iter().map(one).collect()
     }
 }
 
@@ -144,7 +222,7 @@ impl DrawnElectrodes {
 }
 
 impl SampleRows {
-    /// Adds the drawn electrodes to the patterns, which are read without them.
+    /// Adds the drawn electrodes and the covered shares of cells to the patterns, which are read without them.
     ///
     /// # Errors
     /// If they are invalid.
@@ -152,6 +230,10 @@ impl SampleRows {
         let patterns = match &self.electrodes {
             Some(electrodes) => electrodes.add_to(self.patterns)?,
             None => self.patterns,
+        };
+        let patterns = match &self.covered {
+            Some(covered) => covered.add_to(patterns)?,
+            None => patterns,
         };
         Ok(Self { patterns, ..self })
     }
@@ -165,6 +247,7 @@ impl SampleRows {
             index: rows.iter().map(|&row| self.index[row]).collect(),
             units: rows.iter().map(|&row| self.units[row]).collect(),
             electrodes: self.electrodes.as_ref().map(|_| DrawnElectrodes::of_all(&patterns)),
+            covered: self.covered.as_ref().map(|_| CoveredCells::of_all(&patterns)),
             patterns,
         }
     }

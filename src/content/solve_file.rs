@@ -5,7 +5,7 @@ use super::element::{Packed, PerCell};
 use super::intervals::PredictionIntervals;
 use super::macros::arrays;
 use super::observations::{Meshes, Observations};
-use super::samples::DrawnElectrodes;
+use super::samples::{CoveredCells, DrawnElectrodes};
 use deaflow_field::{Field, OutcomeKind};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Effects;
@@ -20,6 +20,8 @@ arrays! {
         patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
         /// If elements follow drawn electrodes, their shapes.
         electrodes: Option<DrawnElectrodes> = group("electrodes"),
+        /// If electrodes cover parts of cells, the shares.
+        covered: Option<CoveredCells> = group("covered"),
         /// Displacement at the cell corners; NaN unless the outcome is `converged`, `estimated` or `predicted`.
         displacement: Packed<Field> = array("displacement", "mm", [sample, corner_y, corner_x, xy]),
         /// How the simulation ended: `converged`, `pull-in`, `not-elliptic`, `slack`, `iteration-limit` or
@@ -75,10 +77,12 @@ impl SolveFile {
         let patterns: Vec<Pattern> = self.patterns.iter().step_by(states.len()).cloned().collect();
         let once = Self {
             electrodes: DrawnElectrodes::of(&patterns),
+            covered: CoveredCells::of(&patterns),
             patterns,
             ..Self::default()
         };
-        let is_of_patterns = |path: &str| path == "patterns" || path.starts_with("electrodes/");
+        let groups = ["electrodes/", "covered/"];
+        let is_of_patterns = |path: &str| path == "patterns" || groups.iter().any(|group| path.starts_with(group));
         let mut object = self.object();
         for (path, dataset) in &mut object.datasets {
             if !is_of_patterns(path) && dataset.axes.first().is_some_and(|axis| axis == "sample") {

@@ -22,6 +22,7 @@ fn rows(n: usize) -> SampleRows {
         index: (0..n as u64).collect(),
         units: vec![0; n],
         electrodes: None,
+        covered: None,
     }
 }
 
@@ -112,6 +113,66 @@ fn drawn_electrodes_are_read_as_written_and_checked() {
     for (fault, says) in faults {
         let mut rows = drawn_rows();
         fault(rows.electrodes.as_mut().unwrap());
+        let found = rows.drawn().unwrap_err().to_string();
+        assert!(found.contains(says), "{found}");
+    }
+}
+
+/// Rows with cells that are covered in part, of which the second has none.
+fn covered_rows() -> SampleRows {
+    let patterns = rows(3).patterns.into_iter().enumerate();
+    let patterns = patterns.map(|(at, pattern)| {
+        let (mut groups, mut shares) = (pattern.cells().to_vec(), Vec::new());
+        for (cell, group) in groups.iter_mut().enumerate() {
+            let share = match (at, cell % 7) {
+                (0 | 2, 3) => 0.3,
+                (0 | 2, 5) => 0.5 + 1e-3 * at as f64,
+                _ => f64::from(u8::from(*group != 0)),
+            };
+            *group = if share == 0.0 { 0 } else { (*group).max(1) };
+            shares.push(share);
+        }
+        let coverage = deaflow_pattern::Coverage::new(pattern.raster(), &groups, &shares).unwrap();
+        Pattern::of_coverage(coverage)
+    });
+    let patterns: Vec<Pattern> = patterns.collect();
+    assert!(patterns[0].coverage().is_some() && patterns[1].coverage().is_none());
+    SampleRows {
+        covered: CoveredCells::of(&patterns),
+        patterns,
+        ..rows(3)
+    }
+}
+
+#[test]
+fn covered_shares_of_cells_are_read_as_written_and_checked() {
+    let samples = Samples {
+        rows: covered_rows(),
+        area: vec![0.5; 3],
+    };
+    let (_folder, artifact) = stored(&samples.object());
+    let read = Samples::read(&artifact).unwrap().rows;
+    assert_ne!(read, covered_rows());
+    let read = read.drawn().unwrap();
+    assert_eq!(read, covered_rows());
+    let selected = read.select(&[2, 1]);
+    assert_eq!(selected.covered, CoveredCells::of(&selected.patterns));
+    assert_eq!(rows(3).drawn().unwrap(), rows(3));
+    type Fault = fn(&mut CoveredCells);
+    let faults: [(Fault, &str); 6] = [
+        (|own| own.share.0.truncate(10), "not one for each cell"),
+        (|own| own.group.0[3] = 17, "a group is out of range"),
+        (
+            |own| own.share.0[3] = 1.5,
+            "cell [y=0][x=3] is covered by 1.5; allowed: 0 to 1",
+        ),
+        (|own| own.share.0[3] = f64::NAN, "is covered by NaN"),
+        (|own| own.group.0[3] = 0, "has the electrode group 0"),
+        (|own| own.share.0[3] = 0.7, "are not those of the pattern"),
+    ];
+    for (fault, says) in faults {
+        let mut rows = covered_rows();
+        fault(rows.covered.as_mut().unwrap());
         let found = rows.drawn().unwrap_err().to_string();
         assert!(found.contains(says), "{found}");
     }

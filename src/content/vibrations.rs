@@ -2,7 +2,7 @@
 
 use super::element::Packed;
 use super::macros::arrays;
-use super::samples::DrawnElectrodes;
+use super::samples::{CoveredCells, DrawnElectrodes};
 use deaflow_field::{Field, OutcomeKind};
 use deaflow_pattern::Pattern;
 use deaflow_scene::{Effects, Scene};
@@ -14,6 +14,8 @@ arrays! {
         patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
         /// If elements follow drawn electrodes, their shapes.
         electrodes: Option<DrawnElectrodes> = group("electrodes"),
+        /// If electrodes cover parts of cells, the shares.
+        covered: Option<CoveredCells> = group("covered"),
         /// How the search for the equilibrium ended.
         outcome: Vec<OutcomeKind> = array("outcome", "", [sample]),
         /// Displacement of the equilibrium at the cell corners.

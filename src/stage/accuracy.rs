@@ -57,7 +57,7 @@ impl Kind for AccuracyKind {
 
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         let map = stage.node.fields("an accuracy stage", &["kind", "needs", "methods"])?;
-        needed::no_fitted_edges(stage, needs)?;
+        needed::no_edges_within_cells(stage, needs)?;
         let node = map.optional("needs").unwrap_or(stage.node);
         let references: Vec<&StageDeclaration<'_>> = needs.iter().filter(|need| need.kind == "solve").collect();
         let [reference] = references[..] else {

@@ -74,7 +74,7 @@ impl Kind for AuditKind {
     }
 
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
-        needed::no_fitted_edges(stage, needs)?;
+        needed::no_edges_within_cells(stage, needs)?;
         Ok(StageCheck::default())
     }
 

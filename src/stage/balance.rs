@@ -46,7 +46,7 @@ impl Kind for BalanceKind {
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         without::check(stage, needs)?;
         needed::one_device(stage, needs)?;
-        needed::no_fitted_edges(stage, needs)?;
+        needed::no_edges_within_cells(stage, needs)?;
         check_range(stage, needs)?;
         Ok(StageCheck::default())
     }

@@ -47,7 +47,7 @@ impl Kind for CalibrateKind {
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         without::check(stage, needs)?;
         needed::one_device(stage, needs)?;
-        needed::no_fitted_edges(stage, needs)?;
+        needed::no_edges_within_cells(stage, needs)?;
         let models = needed::count(needs, &["train"]);
         if models != 1 {
             return Err(needed::wrong_number(

@@ -67,7 +67,7 @@ impl Kind for EvaluateKind {
 
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         needed::one_device(stage, needs)?;
-        needed::no_fitted_edges(stage, needs)?;
+        needed::no_edges_within_cells(stage, needs)?;
         let estimates = stage
             .node
             .peek("estimates")

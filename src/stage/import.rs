@@ -236,6 +236,7 @@ fn solutions(rows: Rows, range: Range<usize>, scene: &Scene) -> Solutions {
             index: range.map(|row| row as u64).collect(),
             units: vec![0; n],
             electrodes: None,
+            covered: None,
         },
         newton_iterations: None,
         residual: None,

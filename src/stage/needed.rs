@@ -72,27 +72,37 @@ fn read_of(stage: &StageDeclaration<'_>) -> Option<Scene> {
     }
 }
 
-/// Returns whether a stage draws patterns whose edges elements follow.
-pub fn has_fitted_edges(stage: &StageDeclaration<'_>) -> bool {
-    let edges = stage.node.peek("edges");
-    stage.kind == "patterns" && edges.is_some_and(|edges| edges.is_text(Edges::Fitted.name()))
+/// Returns how a stage draws patterns with edges within cells; none if its patterns are cells.
+pub fn edges_within_cells(stage: &StageDeclaration<'_>) -> Option<Edges> {
+    let edges = stage.node.peek("edges").filter(|_| stage.kind == "patterns")?;
+    [Edges::Fitted, Edges::Coverage]
+        .into_iter()
+        .find(|word| edges.is_text(word.name()))
 }
 
-/// Refuses patterns whose edges elements follow, for a stage that knows the cells of patterns alone.
+/// Describes edges within cells.
+fn described(edges: Edges) -> &'static str {
+    match edges {
+        Edges::Fitted => "fitted edges",
+        Edges::Coverage => "edges by coverage",
+        Edges::Cells => "edges of cells",
+    }
+}
+
+/// Refuses patterns with edges within cells, for a stage that knows the cells of patterns alone.
 ///
 /// # Errors
 /// If a need has such patterns.
-pub fn no_fitted_edges(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
+pub fn no_edges_within_cells(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
     for need in needs {
         let (mut open, mut seen) = (VecDeque::from([*need]), BTreeSet::new());
         while let Some(next) = open.pop_front() {
-            if has_fitted_edges(&next) {
+            if let Some(edges) = edges_within_cells(&next).map(described) {
                 let message = format!(
-                    "the patterns of `{}` have fitted edges, but a stage of kind `{}` knows the cells of patterns \
-                     alone",
+                    "the patterns of `{}` have {edges}, but a stage of kind `{}` knows the cells of patterns alone",
                     next.name, stage.kind
                 );
-                let help = format!("use `edges: cells` in `{}`; fitted edges can be solved", next.name);
+                let help = format!("use `edges: cells` in `{}`; {edges} can be solved", next.name);
                 return Err(named(stage, need.name).error(message).help(help));
             }
             if seen.insert(next.name) {
@@ -103,19 +113,23 @@ pub fn no_fitted_edges(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'
     Ok(())
 }
 
-/// Refuses patterns with and without fitted edges in one stage, whose artifacts have other arrays.
+/// Refuses patterns with different kinds of edges in one stage, whose artifacts have other arrays.
 ///
 /// # Errors
-/// If the needs have both.
+/// If the needs have several.
 pub fn one_kind_of_edges(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
-    let fitted = needs.iter().find(|need| has_fitted_edges(need));
-    let other = needs.iter().find(|need| !has_fitted_edges(need));
-    match fitted.zip(other) {
+    let first = needs.iter().find_map(|need| Some((need, edges_within_cells(need)?)));
+    let Some((first, edges)) = first else {
+        return Ok(());
+    };
+    match needs.iter().find(|need| edges_within_cells(need) != Some(edges)) {
         None => Ok(()),
-        Some((fitted, other)) => Err(named(stage, other.name)
+        Some(other) => Err(named(stage, other.name)
             .error(format!(
-                "`{}` has patterns with fitted edges, and `{}` has patterns without",
-                fitted.name, other.name
+                "`{}` has patterns with {}, and `{}` has patterns without",
+                first.name,
+                described(edges),
+                other.name
             ))
             .help("solve them in two stages")),
     }

@@ -9,7 +9,7 @@ use super::files::{self, FileName, NamedFile};
 use super::results;
 use super::sample::{CHUNK, room};
 use deaflow_base::{Canonical, Declared, DigestWriter, Fields, InputError, Map, Node, parameters};
-use deaflow_content::{DrawnElectrodes, FROM_FILE, SampleRows, Samples};
+use deaflow_content::{CoveredCells, DrawnElectrodes, FROM_FILE, SampleRows, Samples};
 use deaflow_orchestrator::{Chunk, Input, Job, Kind, Plan, Stage, StageError};
 use deaflow_pattern::{Bits, DrawingOptions, Edges, Pattern, PatternForm, read_patterns_of};
 use deaflow_scene::{Outline, scene_files};
@@ -79,7 +79,7 @@ impl Kind for PatternsKind {
         let free = scene.map(Outline::free_cells).transpose()?.flatten();
         // A frame that covers no cell changes nothing.
         let free = free.filter(|free| free.count() < free.raster().cells());
-        Ok(Box::new(PatternsStage::new(patterns, free, notes)))
+        Ok(Box::new(PatternsStage::new(patterns, parameters.edges, free, notes)))
     }
 }
 
@@ -91,8 +91,8 @@ parameters! {
         files: Option<Vec<FileName>> [((), 1..=1000)],
         /// The shapes and drawings of one pattern, whose groups may not overlap.
         shapes: Option<Vec<Drawn>> [((), 1..=1000)],
-        /// Whether elements follow the edges of shapes and drawings, or a cell has an electrode if its centre is in
-        /// one.
+        /// Whether elements follow the edges of shapes and drawings, a cell has the share of it that they cover, also by
+        /// the greys of a picture, or a cell has an electrode if its centre is in one.
         edges: Edges = Edges::Cells,
     }
     rules(shapes::files_or_shapes)
@@ -105,6 +105,9 @@ fn check_source(_: &PatternsParameters, map: &Map<'_>) -> Result<(), InputError>
 
 struct PatternsStage {
     patterns: Vec<Pattern>,
+    /// How edges are followed. By coverage the shares of cells are written even if all cells are whole: artifacts of
+    /// stages that are solved together have the same arrays.
+    edges: Edges,
     /// The cells that may carry electrodes, if there are frames or bodies.
     free: Option<Bits>,
     /// The parameters of each chunk.
@@ -113,14 +116,15 @@ struct PatternsStage {
 }
 
 impl PatternsStage {
-    fn new(patterns: Vec<Pattern>, free: Option<Bits>, notes: Vec<String>) -> Self {
+    fn new(patterns: Vec<Pattern>, edges: Edges, free: Option<Bits>, notes: Vec<String>) -> Self {
         let starts = (0_u64..).step_by(CHUNK as usize);
         let chunk = |(patterns, start): (&[Pattern], u64)| {
-            Canonical::map(described(patterns, free.as_ref()).chain([("start", start.into())]))
+            Canonical::map(described(patterns, edges, free.as_ref()).chain([("start", start.into())]))
         };
         Self {
             chunks: patterns.chunks(CHUNK as usize).zip(starts).map(chunk).collect(),
             patterns,
+            edges,
             free,
             notes,
         }
@@ -128,7 +132,11 @@ impl PatternsStage {
 }
 
 /// What patterns are known by. Their area fractions depend on the cells that may carry electrodes.
-fn described(patterns: &[Pattern], free: Option<&Bits>) -> impl Iterator<Item = (&'static str, Canonical)> {
+fn described(
+    patterns: &[Pattern],
+    edges: Edges,
+    free: Option<&Bits>,
+) -> impl Iterator<Item = (&'static str, Canonical)> {
     let mut digest = DigestWriter::new();
     for pattern in patterns {
         digest.bytes(pattern.cells());
@@ -146,12 +154,19 @@ fn described(patterns: &[Pattern], free: Option<&Bits>) -> impl Iterator<Item = 
         }
         ("electrodes", digest.finish().to_string().as_str().into())
     });
-    own.into_iter().chain(free.map(room)).chain(drawn)
+    let covered = (edges == Edges::Coverage).then(|| {
+        let mut digest = DigestWriter::new();
+        for coverage in patterns.iter().map(Pattern::coverage) {
+            digest.bytes(&coverage.map(|coverage| coverage.bytes()).unwrap_or_default());
+        }
+        ("covered", digest.finish().to_string().as_str().into())
+    });
+    own.into_iter().chain(free.map(room)).chain(drawn).chain(covered)
 }
 
 impl Stage for PatternsStage {
     fn parameters(&self) -> Canonical {
-        Canonical::map(described(&self.patterns, self.free.as_ref()))
+        Canonical::map(described(&self.patterns, self.edges, self.free.as_ref()))
     }
 
     fn notes(&self) -> Vec<String> {
@@ -203,6 +218,7 @@ impl Stage for PatternsStage {
                 index: (first as u64..).take(n).collect(),
                 units: vec![0; n],
                 electrodes: DrawnElectrodes::of(&patterns),
+                covered: (self.edges == Edges::Coverage).then(|| CoveredCells::of_all(&patterns)),
                 patterns,
             },
         };

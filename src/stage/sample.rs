@@ -283,6 +283,7 @@ fn samples(group: &SampleGroup, range: Range<u64>, patterns: Vec<Pattern>, free:
             index: range.collect(),
             units: vec![group.family.units(); n],
             electrodes: None,
+            covered: None,
             patterns,
         },
     }

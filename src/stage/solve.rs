@@ -6,9 +6,10 @@ use super::{drive_check, needed, results, scene, solution};
 use deaflow_base::{Canonical, Fields, InputError, Node};
 use deaflow_content::{SAMPLED, Samples, Solutions};
 use deaflow_fem::screening::resolve;
-use deaflow_fem::{SetupError, Solver, SolverParameters};
+use deaflow_fem::{SetupError, Solver, SolverParameters, check_covered_cells};
 use deaflow_field::Mesh;
 use deaflow_orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
+use deaflow_pattern::Edges;
 use deaflow_scene::{Effects, Scene};
 use deaflow_store::{Artifact, Object};
 
@@ -53,12 +54,15 @@ impl Kind for SolveKind {
 
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         needed::one_kind_of_edges(stage, needs)?;
-        if let Some(fitted) = needs.iter().find(|need| needed::has_fitted_edges(need))
+        let within_cells = needs
+            .iter()
+            .find_map(|need| Some((need, needed::edges_within_cells(need)?)));
+        if let Some((need, edges)) = within_cells
             && let Ok(scene) = scene::read_in_state(stage.node, stage.scene)
-            && scene.effects.fringe_field.is_some()
+            && let Ok(solver) = solver_of(stage.node)
+            && let Err(fault) = check_edges(edges, &scene, &solver)
         {
-            let fault = SetupError::Curves { with: "fringe fields" };
-            return Err(needed::named(stage, fitted.name).error(fault.to_string()));
+            return Err(needed::named(stage, need.name).error(fault.to_string()));
         }
         Ok(drive_check::check_simulations(stage))
     }
@@ -73,6 +77,15 @@ impl Kind for SolveKind {
             scene,
             ready: OnceLock::new(),
         }))
+    }
+}
+
+/// Checks that patterns with edges within cells can be simulated.
+fn check_edges(edges: Edges, scene: &Scene, solver: &SolverParameters) -> Result<(), SetupError> {
+    match edges {
+        Edges::Fitted if scene.effects.fringe_field.is_some() => Err(SetupError::Curves { with: "fringe fields" }),
+        Edges::Fitted | Edges::Cells => Ok(()),
+        Edges::Coverage => solver.check_covered_cells().and_then(|()| check_covered_cells(scene)),
     }
 }
 

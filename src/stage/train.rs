@@ -76,7 +76,7 @@ impl Kind for TrainKind {
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         without::check(stage, needs)?;
         needed::one_device(stage, needs)?;
-        needed::no_fitted_edges(stage, needs)?;
+        needed::no_edges_within_cells(stage, needs)?;
         needed::no_designs_in_states(stage, needs)?;
         if needed::count(needs, &["train"]) > 1 {
             return Err(needed::wrong_number(

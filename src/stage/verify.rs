@@ -107,7 +107,7 @@ impl Kind for VerifyKind {
     }
 
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
-        needed::no_fitted_edges(stage, needs)?;
+        needed::no_edges_within_cells(stage, needs)?;
         let map = stage.node.fields(WHAT, &keys())?;
         let solver = SolverParameters::read(&map, MESH)?;
         let designs = needs.iter().filter(|need| need.kind == "design").map(design::planned);

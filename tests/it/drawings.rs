@@ -237,6 +237,155 @@ fn elements_follow_drawn_electrodes() {
 }
 
 #[test]
+fn drawn_electrodes_cover_parts_of_cells() {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &disc_scene("fitted"));
+    workspace.write("coarse.yaml", &disc_scene("fitted").replace("cells: 50", "cells: 16"));
+    example(&workspace, "d1_circle.dxf");
+    let grey = |pixel: usize| {
+        let inside = |k: usize| {
+            let place = |at: usize, k: usize| at as f64 + (k as f64 + 0.5) / 16.0;
+            let (x, y) = (place(pixel % 50, k % 16), place(pixel / 50, k / 16));
+            (x - 25.0).hypot(y - 25.0) < 10.0
+        };
+        255 - (255 * (0..256).filter(|k| inside(*k)).count() / 256) as u8
+    };
+    let pixels: Vec<u8> = (0..2500).map(grey).collect();
+    let mut encoder = png::Encoder::new(std::fs::File::create(workspace.path("disc.png")).unwrap(), 50, 50);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.write_header().unwrap().write_image_data(&pixels).unwrap();
+    workspace.write(
+        "disc.svg",
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"50mm\" height=\"50mm\" viewBox=\"0 0 50 50\"><circle \
+         cx=\"25\" cy=\"25\" r=\"10\"/></svg>",
+    );
+    let solve = |scene: &str, file: &str, arguments: &[&str]| {
+        let all = [&["solve", scene, file, "--edges", "coverage"], arguments].concat();
+        workspace.run(&all)
+    };
+    // The closed form of a disc electrode of 10 mm, at the corner 5 mm right of the centre: 0.5241173 mm.
+    let right = |file: &str| {
+        let arguments = [
+            "--json",
+            "--no-checks",
+            "--elements-per-cell",
+            "1",
+            "--order",
+            "2",
+            "--point",
+            "30 mm, 25 mm",
+        ];
+        let ended = solve("scene.yaml", file, &arguments);
+        assert_eq!(ended.code, Some(0), "{file}: {}", ended.stderr);
+        let found = ended.json();
+        assert!(!found["notes"].to_string().contains("centres of cells"), "{found}");
+        found["patterns"][0]["along_mm"]
+            .as_f64()
+            .unwrap_or_else(|| panic!("{found}"))
+    };
+    for (file, most) in [("disc.svg", 1e-3), ("disc.png", 2e-3)] {
+        let found = right(file);
+        assert!((found - 0.524_117_3).abs() < most, "{file}: {found}");
+    }
+    for (arguments, says) in [
+        (&["--modes", "1"][..], "density"),
+        (&["--path", "-o", "p.h5"], ""),
+        (&["--cells", "--no-checks", "-o", "c.h5"], ""),
+        (&["--accuracy", "0.1 mm", "--no-checks"], "together with `accuracy`"),
+        (&["--method", "linear", "--no-checks"], "together with `method: linear`"),
+        (&["--history", "--at", "0 s", "-o", "h.h5"], "together with a history"),
+        (
+            &["--set", "effects.wrinkling={}", "--no-checks"],
+            "together with `wrinkling`",
+        ),
+    ] {
+        let ended = solve("coarse.yaml", "disc.svg", arguments);
+        let is_expected = match says {
+            "" => ended.code == Some(0),
+            says => ended.code == Some(2) && ended.stderr.replace("\n  │ ", " ").contains(says),
+        };
+        assert!(is_expected, "{arguments:?}: {:?} {}", ended.code, ended.stderr);
+    }
+    workspace.write("cells.csv", &pattern(|x, _| u8::from(x < 25)));
+    let ended = solve("scene.yaml", "cells.csv", &[]);
+    assert!(
+        ended.code == Some(2)
+            && ended
+                .stderr
+                .contains("drawings and pictures alone cover parts of cells"),
+        "{}",
+        ended.stderr
+    );
+}
+
+#[test]
+fn covered_cells_are_kept_in_artifacts() {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &disc_scene("cells"));
+    let pipeline = |edges: &str, more: &str| {
+        workspace.write(
+            "rings.yaml",
+            &format!(
+                "version: 1\nname: rings\nscene: scene.yaml\nstages:\n  own: {{ foreach: {{ r: [9 mm, 10 mm, 10.05 \
+                 mm] }}, kind: patterns, edges: {edges}, shapes: [{{ ring: {{ centre: [25 mm, 25 mm], radii: [3 mm, \
+                 '${{r}}'] }} }}] }}\n  square: {{ kind: patterns, edges: {edges}, shapes: [{{ rectangle: [[20 mm, 20 mm], \
+                 [30 mm, 30 mm]] }}] }}\n  plain: {{ kind: sample, family: blobs, count: 2, seed: 1 }}\n  solved: {{ \
+                 kind: solve, needs: [own, square], gather: true, elements_per_cell: 1 }}\n{more}"
+            ),
+        );
+    };
+    let run = || {
+        let ended = workspace.run(&["run", "rings.yaml", "--json"]);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        let shown = workspace.run(&["show", "rings.yaml:solved", "--csv"]);
+        assert_eq!(shown.code, Some(0), "{}", shown.stderr);
+        (ended.json(), shown.stdout)
+    };
+    pipeline("cells", "");
+    let (_, of_cells) = run();
+    pipeline("coverage", "");
+    let (first, covered) = run();
+    let (again, _) = run();
+    let built = |run: &Value, stage: &str| {
+        let mut stages = run["stages"].as_array().unwrap().iter();
+        let found = stages.find(|found| found["name"] == stage);
+        found
+            .and_then(|found| found["chunks_built"].as_u64())
+            .unwrap_or_else(|| panic!("{run}"))
+    };
+    assert_eq!((built(&first, "solved"), built(&again, "solved")), (4, 0));
+    // 10 mm and 10.05 mm have the same cells but not the same cover; the square has whole cells.
+    let rows = |text: &str| text.lines().skip(1).map(str::to_owned).collect::<Vec<_>>();
+    let (of_cells, covered) = (rows(&of_cells), rows(&covered));
+    assert!(covered.len() == 4 && covered[1] != covered[2], "{covered:?}");
+    assert_ne!(of_cells[1], covered[1]);
+    for (more, says) in [
+        (
+            "  balanced: { kind: balance, needs: [solved], bins: 4, range: [0 mm, 2 mm], target: 3, seed: 1 }\n",
+            "edges by coverage",
+        ),
+        ("  checked: { kind: audit, needs: [solved] }\n", "edges by coverage"),
+        (
+            "  both: { kind: solve, needs: [own, plain], gather: true }\n",
+            "solve them in two stages",
+        ),
+        (
+            "  fine: { kind: solve, needs: [own], gather: true, accuracy: 0.1 mm }\n",
+            "together with `accuracy`",
+        ),
+    ] {
+        pipeline("coverage", more);
+        let ended = workspace.run(&["plan", "rings.yaml"]);
+        assert!(
+            ended.code == Some(2) && ended.stderr.replace("\n  │ ", " ").contains(says),
+            "{more}: {:?} {}",
+            ended.code,
+            ended.stderr
+        );
+    }
+}
+
+#[test]
 fn drawn_electrodes_are_kept_in_artifacts() {
     let workspace = Workspace::new();
     workspace.write("scene.yaml", &disc_scene("cells"));

@@ -12,7 +12,7 @@ use crate::point::Probe;
 use crate::results::{AccuracyResult, CriticalBracket, Peak, SampleId, SampleResult, document, remarks, text};
 use crate::{CliError, Exit, Output};
 use deaflow_base::Progress;
-use deaflow_content::{DrawnElectrodes, Lines, Observations, Packed, SolveFile};
+use deaflow_content::{CoveredCells, DrawnElectrodes, Lines, Observations, Packed, SolveFile};
 use deaflow_fem::effects::Examined;
 use deaflow_fem::screening::{ScreenedScene, TestPattern, examined, observing_breakdown, resolve, resolve_states};
 use deaflow_fem::{
@@ -46,6 +46,7 @@ const FORM: Form = Form {
     name: "solve",
     has_attachments: false,
     states: States::Each,
+    without_covered_cells: None,
 };
 
 /// Finds the equilibria of patterns.
@@ -272,6 +273,7 @@ fn content(simulation: &Simulation<'_>, runs: &[StateRun], probe: Option<Probe>,
     let patterns: Vec<Pattern> = samples().map(|(index, _)| simulation.patterns[index].clone()).collect();
     SolveFile {
         electrodes: DrawnElectrodes::of(&patterns),
+        covered: CoveredCells::of(&patterns),
         patterns,
         displacement: Packed(displacement),
         outcome: solutions

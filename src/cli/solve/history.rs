@@ -144,6 +144,7 @@ const FORM: Form = Form {
     name: "history",
     has_attachments: true,
     states: States::Chosen("a history"),
+    without_covered_cells: Some("a history"),
 };
 
 /// Simulates patterns in time.

@@ -11,7 +11,7 @@ use crate::job::JobResult;
 use crate::text::Text;
 use crate::{CliError, Exit, Output, table};
 use deaflow_base::four_digits;
-use deaflow_content::{DrawnElectrodes, Packed, Vibrations};
+use deaflow_content::{CoveredCells, DrawnElectrodes, Packed, Vibrations};
 use deaflow_fem::screening::resolve;
 use deaflow_fem::{MOST_MODES, MembraneSolver, SetupError, Vibration};
 use deaflow_scene::Scene;
@@ -40,6 +40,7 @@ const FORM: Form = Form {
     name: "modes",
     has_attachments: false,
     states: States::Chosen("a natural frequency"),
+    without_covered_cells: None,
 };
 
 /// Finds natural frequencies and their modes.
@@ -113,6 +114,7 @@ fn content(
     Vibrations {
         patterns: simulation.patterns.clone(),
         electrodes: DrawnElectrodes::of(&simulation.patterns),
+        covered: CoveredCells::of(&simulation.patterns),
         outcome: found.iter().map(|one| one.outcome.kind()).collect(),
         displacement: Packed(displacement),
         mode: (1..=count as u64).collect(),

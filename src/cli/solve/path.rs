@@ -10,7 +10,7 @@ use crate::results::with_error;
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
 use deaflow_base::{Progress, four_digits};
-use deaflow_content::{DrawnElectrodes, LoadPaths};
+use deaflow_content::{CoveredCells, DrawnElectrodes, LoadPaths};
 use deaflow_fem::screening::resolve;
 use deaflow_fem::{CriticalSearch, CriticalVoltage, LoadPath, MembraneSolver, MeshLimit, PathEvent, SetupError};
 use deaflow_pattern::Pattern;
@@ -27,6 +27,7 @@ const FORM: Form = Form {
     name: "path",
     has_attachments: true,
     states: States::Drive,
+    without_covered_cells: None,
 };
 
 /// Follows the load paths of patterns; the voltage of the scene is ignored.
@@ -183,6 +184,7 @@ fn load_paths(patterns: &[Pattern], followed: &[PatternPath], scene: Scene) -> L
     LoadPaths {
         patterns: patterns.to_vec(),
         electrodes: DrawnElectrodes::of(patterns),
+        covered: CoveredCells::of(patterns),
         event_offsets: offsets(paths.iter().map(|path| path.events.len())),
         point_offsets,
         voltage: points().map(|p| p.voltage).collect(),

@@ -89,6 +89,7 @@ const FORM: Form = Form {
     name: "response",
     has_attachments: true,
     states: States::Chosen("a frequency response"),
+    without_covered_cells: Some("a frequency response"),
 };
 
 /// Finds frequency responses.

@@ -10,7 +10,8 @@ use super::SolveArguments;
 use crate::job::{Job, JobResult, attached_files, extend, seconds_each};
 use crate::{CliError, Exit, Output, decisions, write};
 use deaflow_base::Progress;
-use deaflow_fem::check_leads;
+use deaflow_fem::screening::resolve;
+use deaflow_fem::{SetupError, check_covered_cells, check_leads};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 use deaflow_stage::direct::{NamedPatterns, ReadScene};
@@ -23,6 +24,8 @@ pub struct Form {
     pub has_attachments: bool,
     /// Which states of a device it simulates.
     pub states: States,
+    /// What it computes, if that is not possible where electrodes cover parts of cells.
+    pub without_covered_cells: Option<&'static str>,
 }
 
 /// Which states of a device a form of `solve` simulates.
@@ -109,6 +112,13 @@ impl<'a> Simulation<'a> {
         let notes = bare_numbers.into_iter().chain(notes).collect();
         check_leads(scene.leads.as_ref(), &patterns)?;
         decisions::decide(&scene)?;
+        if patterns.iter().any(|pattern| pattern.coverage().is_some()) {
+            check_covered_cells(&resolve(&scene)?)?;
+            arguments.parameters().check_covered_cells()?;
+            if let Some(with) = form.without_covered_cells {
+                return Err(SetupError::Coverage { with }.into());
+            }
+        }
         let states = match form.states {
             States::Each => scene.in_states().len(),
             States::Drive | States::Chosen(_) => 1,

@@ -21,8 +21,11 @@ use deaflow_store::{Artifact, RowFile, StoreError};
 /// The array of the bin edges.
 const EDGES: &str = "histogram/edges";
 
-/// An array of patterns whose elements follow drawn electrodes.
-const DRAWN: &str = "electrodes/polygons";
+/// Arrays of patterns with edges within cells, with what they are.
+const WITHIN_CELLS: [(&str, &str); 2] = [
+    ("electrodes/polygons", "elements follow drawn electrodes"),
+    ("covered/share", "electrodes cover parts of cells"),
+];
 
 /// The largest number of bins.
 const MOST_BINS: usize = 100_000;
@@ -128,11 +131,11 @@ impl Source {
         for rows_of in files {
             let file = rows_of.open()?;
             source.findings.extend(wrong_shapes(&file, raster, rows_of.path())?);
-            if file.shape(DRAWN)?.is_some() {
-                let message = "elements follow drawn electrodes, but an audit knows the cells of patterns alone";
-                source
-                    .findings
-                    .push(Finding::whole("shape", Severity::Error, message.to_owned()));
+            for (array, what) in WITHIN_CELLS {
+                if file.shape(array)?.is_some() {
+                    let message = format!("{what}, but an audit knows the cells of patterns alone");
+                    source.findings.push(Finding::whole("shape", Severity::Error, message));
+                }
             }
             let len = file.shape("patterns")?.and_then(|shape| shape.first().copied());
             let rows = start..start.saturating_add(len.unwrap_or(0));

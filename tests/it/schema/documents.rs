@@ -291,7 +291,7 @@ pub fn of(kind: Kind) -> Vec<Value> {
         Kind::Pipeline => {
             // A stage for each shape, which are read for each fault.
             let stages = (1..).zip(SHAPES).map(|(at, shape)| {
-                let edges = ["cells", "fitted"][at % 2];
+                let edges = ["cells", "fitted", "coverage"][at % 3];
                 format!("  shaped{at}: {{ kind: patterns, edges: {edges}, shapes: [{{ group: 1, {shape} }}] }}\n")
             });
             let pipeline = PIPELINE.to_owned() + &stages.collect::<String>();

@@ -55,6 +55,7 @@ fn sample_rows(patterns: &[Pattern]) -> SampleRows {
         index: vec![0; patterns.len()],
         units: vec![0; patterns.len()],
         electrodes: None,
+        covered: None,
     }
 }
 
