@@ -107,10 +107,10 @@ pub fn compare_all(
     while refines && mesh.elements_per_cell() < FINEST {
         mesh = Mesh::new(2 * mesh.elements_per_cell(), mesh.order());
         let finer = on(mesh)?;
-        let pairs = compared.iter().zip(&finer);
+        let mut pairs = compared.iter().zip(&finer);
         let is_same =
             |(a, b): (&Compared, &Compared)| (a.agreement.rms - b.agreement.rms).abs() <= SAME * b.agreement.rms;
-        let settled = pairs.map(is_same).all(|same| same);
+        let settled = pairs.all(is_same);
         compared = finer;
         if settled {
             break;

@@ -243,18 +243,16 @@ fn keep_points(
     let is_number = |v: &[f64; 2]| v.iter().all(|at| at.is_finite());
     let (mut empty, mut lost, mut joined) = (0, 0, 0);
     let mut rows: BTreeMap<[u64; 2], Vec<usize>> = BTreeMap::new();
-    for row in 0..all {
-        if !is_number(&field.points_mm[row]) || !is_number(&field.displacements_mm[row]) {
-            empty += 1;
-            field.displacements_mm[row] = [f64::NAN; 2];
-        } else if inside[row] {
-            rows.entry(field.points_mm[row].map(f64::to_bits))
-                .or_default()
-                .push(row);
-        } else {
-            lost += 1;
-            field.displacements_mm[row] = [f64::NAN; 2];
+    for (row, (point, u)) in field.points_mm.iter().zip(&mut field.displacements_mm).enumerate() {
+        match (is_number(point) && is_number(u), inside[row]) {
+            (true, true) => {
+                rows.entry(point.map(f64::to_bits)).or_default().push(row);
+                continue;
+            }
+            (true, false) => lost += 1,
+            (false, _) => empty += 1,
         }
+        *u = [f64::NAN; 2];
     }
     for same in rows.values().filter(|same| same.len() > 1) {
         joined += same.len();
