@@ -46,7 +46,6 @@ const OUTLIERS: usize = 5;
 #[derive(Debug, Args)]
 #[command(after_help = examples!(
     "deaflow fit scene.yaml uniaxial=ut.csv equibiaxial=et.csv -o fitted.yaml",
-    "deaflow fit scene.yaml uniaxial=ut.csv --law gent --sigma \"3 %\"",
     "deaflow fit fitted.yaml uniaxial=relaxation.csv -o creeping.yaml",
     "deaflow fit scene.yaml measured.yaml --free shear_modulus --free voltage_offset -o fitted.yaml",
 ))]
