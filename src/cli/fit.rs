@@ -58,8 +58,8 @@ pub struct FitArguments {
     /// is known about each
     #[arg(value_name = "TEST=FILE|MEASURED.yaml", required = true, value_parser = measured_file)]
     files: Vec<FileArgument>,
-    /// A number of the scene to fit, by the end of its path, with bounds as in shear_modulus="1 kPa..1 MPa"; voltage_offset
-    /// is added to all voltages. Several can be given
+    /// A number of the scene to fit, by the end of its path, with bounds as in shear_modulus="1 kPa..1 MPa";
+    /// voltage_offset is added to all voltages. Several can be given
     #[arg(long, value_name = "KEY")]
     free: Vec<String>,
     #[command(flatten)]

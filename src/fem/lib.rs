@@ -4,8 +4,8 @@
 //! describe a scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ; for unequal prestretch, λp is √(λ₁λ₂) as described in
 //! [`grid`]. The modules follow the method, from the point to the result: kinematics, energy and effects; sheet,
 //! fitted, grid, element, layout, sampling and lanes; coverage, laminate and laminates; operator; gemm, modes and
-//! precondition; krylov, work, newton, direct and dynamic_stiffness; eigenvalue, stability and continuation; solver, and
-//! on it accurate, adjoint, cells, response, margin, path, points, fully_active, critical, limit, observable,
+//! precondition; krylov, work, newton, direct and dynamic_stiffness; eigenvalue, stability and continuation; solver,
+//! and on it accurate, adjoint, cells, response, margin, path, points, fully_active, critical, limit, observable,
 //! gradient_evaluator and safety_margins; evaluator, which
 //! implements the traits of `field`; simulators and screening.
 

@@ -146,8 +146,8 @@ struct Scale {
 }
 
 impl States<'_> {
-    /// Returns the state of a cell, and of the laminate of one that is cut: its mean stress, and the field in its covered
-    /// layer.
+    /// Returns the state of a cell, and of the laminate of one that is cut: its mean stress, and the field in its
+    /// covered layer.
     fn state<L: Material>(
         &self,
         material: &L,

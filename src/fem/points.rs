@@ -17,8 +17,8 @@ const EXACT: f64 = 1e-9;
 pub type Weights = Vec<(usize, f64)>;
 
 impl Grid {
-    /// Returns the weights of the nodes at a point of the prestretched membrane in mm from its lower left corner; `None`
-    /// outside of it and in the frame.
+    /// Returns the weights of the nodes at a point of the prestretched membrane in mm from its lower left corner;
+    /// `None` outside of it and in the frame.
     #[must_use]
     pub fn weights_at(&self, point_mm: [f64; 2]) -> Option<Weights> {
         let elements = self.elements();
@@ -77,10 +77,10 @@ impl MembraneSolver {
     }
 
     /// Returns the change of a converged solution, to first order, when its scene changes from that of the first to
-    /// that of the second neighbour: −A⁻¹(R₂ − R₁) with the tangent A, for the nodal values of [`MeshSolution`]. For the
-    /// derivative with respect to a parameter, the neighbours have it a little smaller and larger, and the result is
-    /// divided by the difference. `None` if the charge is prescribed, the neighbours have other elements, or the tangent is
-    /// not positive definite.
+    /// that of the second neighbour: −A⁻¹(R₂ − R₁) with the tangent A, for the nodal values of [`MeshSolution`]. For
+    /// the derivative with respect to a parameter, the neighbours have it a little smaller and larger, and the result
+    /// is divided by the difference. `None` if the charge is prescribed, the neighbours have other elements, or the
+    /// tangent is not positive definite.
     #[must_use]
     pub fn change(&self, pattern: &Pattern, solution: &MeshSolution, neighbours: [&Self; 2]) -> Option<Vec<f64>> {
         let has_charge = self.scene.drive.charge.is_some();

@@ -1,9 +1,9 @@
 //! The normals of the edges of electrodes, from the covered shares of the cells around.
 //!
 //! Columns of three cells give the slope of an edge that is rather along x, and rows that of one along y, exactly where
-//! a straight edge crosses all three; of differences of shares that count the nearest cells twice (Youngs 1984) the slope
-//! is taken where it is larger, as columns end before a steep edge (Aulisa, Manservisi, Scardovelli and Zaleski, J.
-//! Comput. Phys. 225 (2007) 2301).
+//! a straight edge crosses all three; of differences of shares that count the nearest cells twice (Youngs 1984) the
+//! slope is taken where it is larger, as columns end before a steep edge (Aulisa, Manservisi, Scardovelli and Zaleski,
+//! J. Comput. Phys. 225 (2007) 2301).
 
 use deaflow_pattern::Coverage;
 

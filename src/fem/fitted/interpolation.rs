@@ -38,8 +38,8 @@ pub(super) fn at_cell_corners(
     .collect()
 }
 
-/// Returns the weights of the nodes of a mapped element that covers a point in units of elements, near a vertex, and its
-/// part; `None` if none does.
+/// Returns the weights of the nodes of a mapped element that covers a point in units of elements, near a vertex, and
+/// its part; `None` if none does.
 pub(super) fn covering(
     layout: NodeLayout,
     fitted: &Fitted,

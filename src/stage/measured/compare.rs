@@ -20,8 +20,8 @@ pub struct Agreement {
     pub rms: f64,
     /// The largest difference, and its row from 1.
     pub largest: (f64, usize),
-    /// 1 − Σ(measured − simulated)²/Σ(measured − mean)², without the motion of the camera; `None` if all measured numbers
-    /// are equal.
+    /// 1 − Σ(measured − simulated)²/Σ(measured − mean)², without the motion of the camera; `None` if all measured
+    /// numbers are equal.
     pub r_squared: Option<f64>,
     /// χ² per degree of freedom, if standard deviations are stated.
     pub chi2_per_dof: Option<f64>,
@@ -191,8 +191,8 @@ pub struct WithEffect {
     pub agreements: Result<Vec<Agreement>, String>,
 }
 
-/// Compares each set with simulations in which one more effect is on: those that change an equilibrium, are off, and whose
-/// data the scene has. The device and its values are those of [`compare`].
+/// Compares each set with simulations in which one more effect is on: those that change an equilibrium, are off, and
+/// whose data the scene has. The device and its values are those of [`compare`].
 ///
 /// # Errors
 /// When the effects of the scene cannot be decided.

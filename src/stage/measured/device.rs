@@ -14,8 +14,8 @@ use deaflow_fit::{Elastomer, LawKind, Simulated, ViscousLaw};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
-/// Relative half of the difference of a parameter between the neighbours whose residuals give a derivative: the error of
-/// the derivative is about 1e-8.
+/// Relative half of the difference of a parameter between the neighbours whose residuals give a derivative: the error
+/// of the derivative is about 1e-8.
 const STEP: f64 = 1e-4;
 /// The same half of a voltage offset, in V.
 const VOLTAGE_STEP: f64 = 1.0;
@@ -62,8 +62,8 @@ impl Device {
     /// Prepares a scene, whose effects are decided first with `effects: auto`.
     ///
     /// # Errors
-    /// When a parameter is not a number of the scene, the scene has several states or a prescribed charge, or it cannot be
-    /// simulated with the first values of the parameters.
+    /// When a parameter is not a number of the scene, the scene has several states or a prescribed charge, or it cannot
+    /// be simulated with the first values of the parameters.
     pub fn new(scene: &Scene, keys: &[String], options: SolveOptions) -> Result<Self, InputError> {
         let refused = |why: &str, help: &str| InputError::new(why.to_owned()).help(help.to_owned());
         if !scene.states.is_empty() {
@@ -127,8 +127,8 @@ impl Device {
         &self.effects
     }
 
-    /// Returns the effects that `effects: auto` chooses for values of the parameters, if they are others than those that are
-    /// simulated.
+    /// Returns the effects that `effects: auto` chooses for values of the parameters, if they are others than those
+    /// that are simulated.
     ///
     /// # Errors
     /// When they cannot be decided.

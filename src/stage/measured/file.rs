@@ -202,8 +202,8 @@ impl Parameter for PixelSize {
 parameters! {
     /// A file of measurements.
     pub struct MeasuredFile as "a measured file" {
-        /// A table, relative to the file that names it. Its columns have units: stretch and nominal_stress_kPa; x_mm, y_mm,
-        /// ux_mm and uy_mm; voltage_kV and displacement_mm. A column sigma_… has standard deviations.
+        /// A table, relative to the file that names it. Its columns have units: stretch and nominal_stress_kPa; x_mm,
+        /// y_mm, ux_mm and uy_mm; voltage_kV and displacement_mm. A column sigma_… has standard deviations.
         file: FileName,
         /// What was measured.
         pub test: Measurement,
@@ -213,8 +213,8 @@ parameters! {
         pattern: Option<FileName>,
         /// How a sheet stretches.
         pub sheet: Sheet = Sheet::Equibiaxial,
-        /// The nominal stress of a dead load on a sheet; without it and `force` the sheet is held at the prestretch of the
-        /// scene before the voltage acts.
+        /// The nominal stress of a dead load on a sheet; without it and `force` the sheet is held at the prestretch of
+        /// the scene before the voltage acts.
         pub load: Option<Stress> [-1e12..=1e12],
         /// The force of a dead load on a sheet, with its `width`.
         pub force: Option<Force> [-1e9..=1e9],

@@ -26,7 +26,8 @@ pub struct FreeKey {
 }
 
 impl FreeKey {
-    /// Finds the parameter that is written as `KEY` or `KEY=LOW..HIGH`: a key with a number, by its path or the end of it.
+    /// Finds the parameter that is written as `KEY` or `KEY=LOW..HIGH`: a key with a number, by its path or the end of
+    /// it.
     ///
     /// # Errors
     /// When there is none or there are several, or the bounds are not valid.

@@ -222,8 +222,8 @@ fn refused(error: &FitError, node: &Node) -> InputError {
     node.error(error.to_string())
 }
 
-/// Moves points that rounding has put outside of the rectangle to its edge, leaves out those that are not on the membrane,
-/// and averages rows at one point, whose noise is not that of different points. Returns notes.
+/// Moves points that rounding has put outside of the rectangle to its edge, leaves out those that are not on the
+/// membrane, and averages rows at one point, whose noise is not that of different points. Returns notes.
 fn keep_points(
     field: &mut Field,
     device: &Device,
@@ -368,8 +368,8 @@ pub struct SceneFit {
     pub scene: Scene,
     /// The mesh of the fit; `None` without devices.
     pub mesh: Option<Mesh>,
-    /// The largest change of a parameter from the mesh with elements of twice the size, in standard errors; `None` if the
-    /// mesh was given, or there is no device.
+    /// The largest change of a parameter from the mesh with elements of twice the size, in standard errors; `None` if
+    /// the mesh was given, or there is no device.
     pub shift: Option<f64>,
 }
 
