@@ -1,20 +1,20 @@
 //! `deaflow compare`: measured beside simulated numbers.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::{Value, json};
 
 use super::arguments::quantity;
-use super::compared::{document, figures, summary, with_unit};
+use super::compared::{document, notes, summary, with_unit, write_with_figure};
 use super::fit::MeshArguments;
 use super::text::Text;
 use super::{CliError, Exit, Output, csv, table, write};
 use deaflow_base::Dimension;
-use deaflow_report::figures::measured_sheet;
 use deaflow_stage::direct;
 use deaflow_stage::measured::{
-    Compared, Device, MeasuredFile, VOLTAGE_OFFSET, Values, WithEffect, compare_all, read_sets, with_neglected_effects,
+    Compared, Device, MeasuredFile, Quantities, VOLTAGE_OFFSET, Values, WithEffect, compare_all, read_sets,
+    with_neglected_effects,
 };
 
 /// Compare measurements with a simulation at the same points
@@ -73,28 +73,17 @@ pub fn execute(arguments: &CompareArguments, output: &Output) -> Result<Exit, Cl
         .unzip();
     let device = Device::new(&scene, &keys, arguments.mesh.options())?;
     let sets = read_sets(&files, &device, &scene)?;
-    let notes: Vec<String> = sets
-        .iter()
-        .flat_map(|set| set.notes.iter().map(move |note| format!("{}: {note}", set.name)))
-        .collect();
-    notes.iter().for_each(|note| output.warn(note));
+    let notes = notes(&sets, output);
     let (compared, mesh) = compare_all(&device, &sets, &offset, !arguments.mesh.is_chosen())?;
     let device = device.on(mesh);
     let neglected = match arguments.effects {
         true => with_neglected_effects(&scene, &device, &sets, &offset)?,
         false => Vec::new(),
     };
-    let mut written = Vec::new();
-    if let Some(file) = &arguments.output {
-        write::file(file, rows(&compared)?.as_bytes())?;
-        written.push(file.clone());
-        let draw = |path: &Path| measured_sheet(&figures(&compared, &scene)?)?.write_png(path);
-        written.extend(write::drawn(file.with_extension("png"), draw, output));
-    }
-    let written: Vec<String> = written
-        .iter()
-        .map(|file: &PathBuf| file.display().to_string())
-        .collect();
+    let written = match &arguments.output {
+        Some(file) => write_with_figure(file, rows(&compared)?.as_bytes(), &compared, &scene, output)?,
+        None => Vec::new(),
+    };
     let all = || {
         let mut all = json!({
             "compared": document(&compared),
@@ -217,39 +206,21 @@ fn rows(compared: &[Compared]) -> Result<String, CliError> {
                 }
             }
             Values::Series {
-                voltages_v,
-                measured_mm,
-                simulated_mm,
-            } => {
-                for (at, volts) in voltages_v.iter().enumerate() {
-                    let numbers = [measured_mm[at], simulated_mm[at]];
-                    add(at + 1, [None, None, None, Some(*volts), None], "u", numbers, "mm");
-                }
-            }
-            Values::Sheet {
-                is_creep,
+                quantities,
                 at,
                 measured,
                 simulated,
             } => {
-                for (row, place) in at.iter().enumerate() {
-                    let (time, volts) = if *is_creep {
-                        (Some(*place), None)
-                    } else {
-                        (None, Some(*place))
-                    };
-                    let numbers = [measured[row], simulated[row]];
-                    add(row + 1, [None, None, time, volts, None], "stretch", numbers, "1");
-                }
-            }
-            Values::Curve {
-                stretch,
-                measured_pa,
-                simulated_pa,
-            } => {
-                for (at, stretch) in stretch.iter().enumerate() {
-                    let numbers = [measured_pa[at], simulated_pa[at]];
-                    add(at + 1, [None, None, None, None, Some(*stretch)], "P", numbers, "Pa");
+                let (column, component, unit) = match quantities {
+                    Quantities::TimeStretch => (2, "stretch", "1"),
+                    Quantities::VoltageDisplacement => (3, "u", "mm"),
+                    Quantities::VoltageStretch => (3, "stretch", "1"),
+                    Quantities::StretchStress => (4, "P", "Pa"),
+                };
+                for (row, number) in at.iter().enumerate() {
+                    let mut place = [None; 5];
+                    place[column] = Some(*number);
+                    add(row + 1, place, component, [measured[row], simulated[row]], unit);
                 }
             }
         }

@@ -1,13 +1,15 @@
 //! How measured numbers agree with simulated ones, for people and scripts.
 
+use std::path::Path;
+
 use serde_json::{Value, json};
 
-use super::table;
 use super::text::Text;
+use super::{CliError, Output, table, write};
 use deaflow_base::{four_digits, with_minus};
-use deaflow_report::figures::{FigureError, FittedCurve, MeasuredFigure};
+use deaflow_report::figures::{FigureError, FittedCurve, MeasuredFigure, measured_sheet};
 use deaflow_scene::Scene;
-use deaflow_stage::measured::{Agreement, Compared, Values};
+use deaflow_stage::measured::{Agreement, Compared, MeasuredSet, Quantities, Values};
 
 /// Returns a table with a row for each file.
 pub fn summary(compared: &[Compared]) -> Text {
@@ -48,9 +50,22 @@ pub fn summary(compared: &[Compared]) -> Text {
 /// The factor and the unit in which people read the numbers.
 fn unit_of(values: &Values) -> (f64, &'static str) {
     match values {
-        Values::Field { .. } | Values::Series { .. } => (1.0, "mm"),
-        Values::Curve { .. } => (1e-3, "kPa"),
-        Values::Sheet { .. } => (1.0, ""),
+        Values::Field { .. } => (1.0, "mm"),
+        Values::Series { quantities, .. } => match quantities {
+            Quantities::VoltageDisplacement => (1.0, "mm"),
+            Quantities::VoltageStretch | Quantities::TimeStretch => (1.0, ""),
+            Quantities::StretchStress => (1e-3, "kPa"),
+        },
+    }
+}
+
+/// The factor of what numbers are measured against, and the labels of both axes.
+fn axes(quantities: Quantities) -> (f64, [&'static str; 2]) {
+    match quantities {
+        Quantities::VoltageDisplacement => (1e-3, ["voltage, kV", "displacement, mm"]),
+        Quantities::VoltageStretch => (1e-3, ["voltage, kV", "stretch"]),
+        Quantities::TimeStretch => (1.0, ["time, s", "stretch"]),
+        Quantities::StretchStress => (1.0, ["stretch", "nominal stress, kPa"]),
     }
 }
 
@@ -65,12 +80,7 @@ pub fn with_unit(value: f64, values: &Values) -> String {
 ///
 /// # Errors
 /// If a number is not finite.
-pub fn figures(compared: &[Compared], scene: &Scene) -> Result<Vec<MeasuredFigure>, FigureError> {
-    let pair = |x: &[f64], y: &[f64], factor: f64| -> Vec<(f64, f64)> {
-        let mut pairs: Vec<(f64, f64)> = x.iter().copied().zip(y.iter().map(|y| factor * y)).collect();
-        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-        pairs
-    };
+fn figures(compared: &[Compared], scene: &Scene) -> Result<Vec<MeasuredFigure>, FigureError> {
     let figure = |one: &Compared| match &one.values {
         Values::Field { points_mm, result, .. } => MeasuredFigure::Map {
             name: one.name.clone(),
@@ -79,51 +89,60 @@ pub fn figures(compared: &[Compared], scene: &Scene) -> Result<Vec<MeasuredFigur
             differences_mm: result.residual_mm.iter().map(|[x, y]| x.hypot(*y)).collect(),
         },
         Values::Series {
-            voltages_v,
-            measured_mm,
-            simulated_mm,
-        } => {
-            let kilovolts: Vec<f64> = voltages_v.iter().map(|volts| 1e-3 * volts).collect();
-            MeasuredFigure::Curve {
-                labels: ["voltage, kV", "displacement, mm"],
-                curve: FittedCurve {
-                    name: one.name.clone(),
-                    measured: pair(&kilovolts, measured_mm, 1.0),
-                    fitted: pair(&kilovolts, simulated_mm, 1.0),
-                },
-            }
-        }
-        Values::Sheet {
-            is_creep,
+            quantities,
             at,
             measured,
             simulated,
         } => {
-            let factor = if *is_creep { 1.0 } else { 1e-3 };
-            let at: Vec<f64> = at.iter().map(|at| factor * at).collect();
+            let ((across, labels), (up, _)) = (axes(*quantities), unit_of(&one.values));
+            let pairs = |numbers: &[f64]| -> Vec<(f64, f64)> {
+                let pairs = at.iter().zip(numbers).map(|(x, y)| (across * x, up * y));
+                let mut pairs: Vec<(f64, f64)> = pairs.collect();
+                pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+                pairs
+            };
             MeasuredFigure::Curve {
-                labels: [if *is_creep { "time, s" } else { "voltage, kV" }, "stretch"],
+                labels,
                 curve: FittedCurve {
                     name: one.name.clone(),
-                    measured: pair(&at, measured, 1.0),
-                    fitted: pair(&at, simulated, 1.0),
+                    measured: pairs(measured),
+                    fitted: pairs(simulated),
                 },
             }
         }
-        Values::Curve {
-            stretch,
-            measured_pa,
-            simulated_pa,
-        } => MeasuredFigure::Curve {
-            labels: ["stretch", "nominal stress, kPa"],
-            curve: FittedCurve {
-                name: one.name.clone(),
-                measured: pair(stretch, measured_pa, 1e-3),
-                fitted: pair(stretch, simulated_pa, 1e-3),
-            },
-        },
     };
     Ok(compared.iter().map(figure).collect())
+}
+
+/// Warns of the notes of all files, and returns them.
+pub fn notes(sets: &[MeasuredSet], output: &Output) -> Vec<String> {
+    let of = |set: &MeasuredSet| {
+        set.notes
+            .iter()
+            .map(|note| format!("{}: {note}", set.name))
+            .collect::<Vec<_>>()
+    };
+    let notes: Vec<String> = sets.iter().flat_map(of).collect();
+    notes.iter().for_each(|note| output.warn(note));
+    notes
+}
+
+/// Writes a file and draws the figure next to it; returns the names of both.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_with_figure(
+    file: &Path,
+    bytes: &[u8],
+    compared: &[Compared],
+    scene: &Scene,
+    output: &Output,
+) -> Result<Vec<String>, CliError> {
+    write::file(file, bytes)?;
+    let draw = |path: &Path| measured_sheet(&figures(compared, scene)?)?.write_png(path);
+    let figure = write::drawn(file.with_extension("png"), draw, output);
+    let written = std::iter::once(file.to_path_buf()).chain(figure);
+    Ok(written.map(|path| path.display().to_string()).collect())
 }
 
 /// Describes all files.

@@ -22,7 +22,7 @@ use deaflow_report::figures::{FittedCurve, fit_sheet};
 use deaflow_scene::Scene;
 use deaflow_stage::direct;
 use deaflow_stage::measured::curve::{Measured, Noise, read};
-use deaflow_stage::measured::{MeasuredFile, Measurement, path_of, rounded};
+use deaflow_stage::measured::{MeasuredFile, Measurement, path_of, rounded, viscous_law};
 
 /// The laws that are compared without `--law`.
 const LAWS: [LawKind; 8] = [
@@ -357,10 +357,7 @@ fn elastomer(scene: &Scene, laws: &[LawKind]) -> Result<Elastomer, CliError> {
     };
     let viscous = effects.viscoelasticity.as_ref().or(properties.viscoelasticity.as_ref());
     Ok(Elastomer {
-        viscous: match viscous.map(|viscous| viscous.law) {
-            Some(deaflow_scene::ViscousLaw::Finite) => ViscousLaw::Finite,
-            Some(deaflow_scene::ViscousLaw::Linear) | None => ViscousLaw::Linear,
-        },
+        viscous: viscous_law(viscous),
         ..Elastomer::elastic(law)
     })
 }

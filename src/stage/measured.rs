@@ -10,8 +10,8 @@ mod free;
 mod joint;
 mod orientation;
 
-pub use compare::{Agreement, Compared, Values, WithEffect, compare, compare_all, with_neglected_effects};
-pub use device::Device;
+pub use compare::{Agreement, Compared, Quantities, Values, WithEffect, compare, compare_all, with_neglected_effects};
+pub use device::{Device, viscous_law};
 pub use file::{MeasuredFile, Measurement, path_of};
 pub use free::{FreeKey, VOLTAGE_OFFSET};
 pub use joint::{Data, MeasuredSet, SETTLED, SceneFit, fit_scene, read_sets, rounded};

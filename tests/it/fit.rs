@@ -403,7 +403,7 @@ fn a_fit_to_a_device_says_what_it_lacks() {
     assert!(ended.stderr.contains("do not determine"), "{}", ended.stderr);
 }
 
-/// Curves of specimens are fitted with a device, and are shown with the fitted law and not with that of the first scene.
+/// Curves of specimens are fitted with a device, and are shown with the fitted law, not with that of the first scene.
 #[test]
 fn a_curve_and_a_field_are_fitted_together() {
     let workspace = with_device();

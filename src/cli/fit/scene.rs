@@ -1,16 +1,13 @@
 //! Fits free numbers of a scene to fields and curves of devices, and to curves of specimens.
 
-use std::path::{Path, PathBuf};
-
 use serde_json::{Value, json};
 
 use super::{FitArguments, digits, estimate_document, outlier};
-use crate::compared::{figures, summary};
+use crate::compared::{notes, summary, write_with_figure};
 use crate::text::Text;
-use crate::{CliError, Exit, Output, table, write};
+use crate::{CliError, Exit, Output, table};
 use deaflow_base::{Dimension, Node, listed};
 use deaflow_fit::{CurveResiduals, Parameter, Verdict, Warning};
-use deaflow_report::figures::measured_sheet;
 use deaflow_stage::direct;
 use deaflow_stage::measured::{
     Compared, Device, FreeKey, MeasuredFile, MeasuredSet, SETTLED, SceneFit, VOLTAGE_OFFSET, compare_all, fit_scene,
@@ -26,35 +23,20 @@ pub fn execute(arguments: &FitArguments, files: &[(MeasuredFile, Node)], output:
     let scene = direct::read_scene(&arguments.scene)?;
     let device = Device::new(&scene, &arguments.free, arguments.mesh.options())?;
     let sets = read_sets(files, &device, &scene)?;
-    sets.iter()
-        .flat_map(|set| set.notes.iter().map(move |note| format!("{}: {note}", set.name)))
-        .for_each(|note| output.warn(&note));
+    notes(&sets, output);
     let found = fit_scene(&device, &sets, !arguments.mesh.is_chosen())?;
-    let values: Vec<f64> = found
-        .fit
-        .estimate
-        .parameters
-        .iter()
-        .map(|parameter| parameter.value)
-        .collect();
-    let device = found
-        .mesh
-        .map_or_else(|| device.with_options(device.options()), |mesh| device.on(mesh));
+    let values = found.values();
+    let device = found.mesh.map_or_else(|| device.clone(), |mesh| device.on(mesh));
     let (compared, _) = compare_all(&device, &sets, &values, false)?;
     let warnings = warnings(&found, &device)?;
     warnings.iter().for_each(|warning| output.warn(warning));
-    let mut written = Vec::new();
-    if let Some(file) = &arguments.output {
-        let yaml = yaml(&found, device.keys(), &sets);
-        write::file(file, yaml.as_bytes())?;
-        written.push(file.clone());
-        let draw = |path: &Path| measured_sheet(&figures(&compared, &scene)?)?.write_png(path);
-        written.extend(write::drawn(file.with_extension("png"), draw, output));
-    }
-    let written: Vec<String> = written
-        .iter()
-        .map(|file: &PathBuf| file.display().to_string())
-        .collect();
+    let written = match &arguments.output {
+        Some(file) => {
+            let yaml = yaml(&found, device.keys(), &sets);
+            write_with_figure(file, yaml.as_bytes(), &compared, &scene, output)?
+        }
+        None => Vec::new(),
+    };
     let document = || {
         let mut document = document(&found, device.effects(), &compared);
         document["files"] = json!(written);
@@ -136,12 +118,7 @@ fn warnings(found: &SceneFit, device: &Device) -> Result<Vec<String>, CliError> 
         .iter()
         .filter(|warning| !matches!(warning, Warning::Dropped { .. }));
     let mut warnings: Vec<String> = own.map(ToString::to_string).collect();
-    let values: Vec<f64> = fit
-        .estimate
-        .parameters
-        .iter()
-        .map(|parameter| parameter.value)
-        .collect();
+    let values = found.values();
     if let Some(other) = device.other_effects(&values)? {
         let named = |effects: &[String]| {
             if effects.is_empty() {
@@ -151,8 +128,8 @@ fn warnings(found: &SceneFit, device: &Device) -> Result<Vec<String>, CliError> 
             }
         };
         warnings.push(format!(
-            "`effects: auto` was decided at the first values of the parameters ({}); at the fitted values it is: {}. Fit \
-             again from a scene with these values",
+            "`effects: auto` was decided at the first values of the parameters ({}); at the fitted values it is: {}. \
+             Fit again from a scene with these values",
             named(device.effects()),
             named(&other)
         ));

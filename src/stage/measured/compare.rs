@@ -36,42 +36,35 @@ pub enum Values {
         points_mm: Vec<[f64; 2]>,
         /// The row of each point, from 1.
         rows: Vec<usize>,
-        /// The measured displacements.
-        measured_mm: Vec<[f64; 2]>,
         /// The simulated displacements, without the motion of the camera.
         simulated_mm: Vec<[f64; 2]>,
         /// The motion of the camera and the differences.
         result: Box<ImageResult>,
     },
-    /// Displacements in mm against voltages in V.
+    /// Numbers against others, by row.
     Series {
-        /// The voltages.
-        voltages_v: Vec<f64>,
-        /// The measured displacements.
-        measured_mm: Vec<f64>,
-        /// The simulated displacements.
-        simulated_mm: Vec<f64>,
-    },
-    /// Stretches of a sheet against voltages in V, or times in s.
-    Sheet {
-        /// Whether they are against times.
-        is_creep: bool,
-        /// The voltages or times.
+        /// What they are.
+        quantities: Quantities,
+        /// What they are measured against.
         at: Vec<f64>,
-        /// The measured stretches.
+        /// The measured numbers.
         measured: Vec<f64>,
-        /// The simulated stretches.
+        /// The simulated numbers.
         simulated: Vec<f64>,
     },
-    /// Nominal stresses in Pa against stretches.
-    Curve {
-        /// The stretches.
-        stretch: Vec<f64>,
-        /// The measured stresses.
-        measured_pa: Vec<f64>,
-        /// The simulated stresses.
-        simulated_pa: Vec<f64>,
-    },
+}
+
+/// The quantities of a series.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantities {
+    /// A displacement in mm against the voltage in V.
+    VoltageDisplacement,
+    /// A stretch against the voltage in V.
+    VoltageStretch,
+    /// A stretch against the time in s.
+    TimeStretch,
+    /// A nominal stress in Pa against the stretch.
+    StretchStress,
 }
 
 /// A file of measurements beside the simulation.
@@ -147,33 +140,29 @@ pub fn compare(device: &Device, set: &MeasuredSet, values: &[f64]) -> Result<Com
             let values = Values::Field {
                 points_mm: own.image().points().to_vec(),
                 rows: own.image().rows().to_vec(),
-                measured_mm: own.image().measured().to_vec(),
                 simulated_mm,
                 result: Box::new(result),
             };
             (agreement, values)
         }
         Data::Series(own) => {
-            let agreement = Agreement::new(&own.measured_mm, &simulated.values, &own.sigma);
-            let values = Values::Series {
-                voltages_v: own.loads.iter().filter_map(|load| load.voltage_v).collect(),
-                measured_mm: own.measured_mm.clone(),
-                simulated_mm: simulated.values,
-            };
-            (agreement, values)
+            let at: Vec<f64> = own.loads.iter().filter_map(|load| load.voltage_v).collect();
+            let numbers = (&at[..], &own.measured_mm[..], simulated.values);
+            series(Quantities::VoltageDisplacement, numbers, &own.sigma)
         }
         Data::Curve(curve) => {
-            let simulated_pa = stresses(device, curve, values).map_err(|error| refused(error.to_string()))?;
-            let agreement = Agreement::new(&curve.stress_pa, &simulated_pa, &curve.sigma);
-            let values = Values::Curve {
-                stretch: curve.stretch.clone(),
-                measured_pa: curve.stress_pa.clone(),
-                simulated_pa,
-            };
-            (agreement, values)
+            let simulated = stresses(device, curve, values).map_err(|error| refused(error.to_string()))?;
+            let numbers = (&curve.stretch[..], &curve.stress_pa[..], simulated);
+            series(Quantities::StretchStress, numbers, &curve.sigma)
         }
-        Data::Sheet(curve) => sheet(device, set, (&curve.voltage_v, &curve.stretch, &curve.sigma), values)?,
-        Data::Creep(curve) => sheet(device, set, (&curve.time_s, &curve.stretch, &curve.sigma), values)?,
+        Data::Sheet(curve) => {
+            let numbers = (&curve.voltage_v[..], &curve.stretch[..], of_sheet(device, set, values)?);
+            series(Quantities::VoltageStretch, numbers, &curve.sigma)
+        }
+        Data::Creep(curve) => {
+            let numbers = (&curve.time_s[..], &curve.stretch[..], of_sheet(device, set, values)?);
+            series(Quantities::TimeStretch, numbers, &curve.sigma)
+        }
     };
     Ok(Compared {
         name: set.name.clone(),
@@ -221,54 +210,31 @@ pub fn with_neglected_effects(
 fn neglected(scene: &Scene) -> Vec<(&'static str, Effects)> {
     let (on, known) = (&scene.effects, &scene.properties);
     let mut all = Vec::new();
-    if let (None, Some(law)) = (&on.strain_stiffening, &known.strain_stiffening) {
-        all.push((
-            names::STIFFENING,
-            Effects {
-                strain_stiffening: Some(law.clone()),
-                ..on.clone()
-            },
-        ));
+    let mut add = |name, add: &dyn Fn(&mut Effects)| {
+        let mut effects = on.clone();
+        add(&mut effects);
+        if effects != *on {
+            all.push((name, effects));
+        }
+    };
+    if on.strain_stiffening.is_none() {
+        add(names::STIFFENING, &|own| {
+            own.strain_stiffening.clone_from(&known.strain_stiffening)
+        });
     }
-    if let (None, Some(electrode)) = (&on.electrode_stiffness, &known.electrode_stiffness) {
-        all.push((
-            names::ELECTRODE,
-            Effects {
-                electrode_stiffness: Some(electrode.clone()),
-                ..on.clone()
-            },
-        ));
+    if on.electrode_stiffness.is_none() {
+        add(names::ELECTRODE, &|own| {
+            own.electrode_stiffness.clone_from(&known.electrode_stiffness)
+        });
     }
-    if let (None, Some(decay)) = (
-        &on.stretch_dependent_permittivity,
-        &known.stretch_dependent_permittivity,
-    ) {
-        all.push((
-            names::PERMITTIVITY,
-            Effects {
-                stretch_dependent_permittivity: Some(decay.clone()),
-                ..on.clone()
-            },
-        ));
+    if on.stretch_dependent_permittivity.is_none() {
+        let decay = &known.stretch_dependent_permittivity;
+        add(names::PERMITTIVITY, &|own| {
+            own.stretch_dependent_permittivity.clone_from(decay)
+        });
     }
-    if on.fringe_field.is_none() {
-        all.push((
-            names::FRINGE,
-            Effects {
-                fringe_field: Some(On {}),
-                ..on.clone()
-            },
-        ));
-    }
-    if on.wrinkling.is_none() {
-        all.push((
-            names::WRINKLING,
-            Effects {
-                wrinkling: Some(On {}),
-                ..on.clone()
-            },
-        ));
-    }
+    add(names::FRINGE, &|own| own.fringe_field = Some(On {}));
+    add(names::WRINKLING, &|own| own.wrinkling = Some(On {}));
     all
 }
 
@@ -291,24 +257,28 @@ fn stresses(device: &Device, curve: &Curve, values: &[f64]) -> Result<Vec<f64>, 
     curve.stretch.iter().enumerate().map(at).collect()
 }
 
-/// Compares the stretches of a sheet.
-fn sheet(
-    device: &Device,
-    set: &MeasuredSet,
-    (at, measured, sigma): (&[f64], &[f64], &Sigma),
-    values: &[f64],
-) -> Result<(Agreement, Values), InputError> {
+/// Returns the simulated stretches of a sheet.
+fn of_sheet(device: &Device, set: &MeasuredSet, values: &[f64]) -> Result<Vec<f64>, InputError> {
     let (elastomer, known) = device.elastomer(values)?;
     let data = set.of_elastomer(elastomer);
     let simulated = data.map_or(Ok(Vec::new()), |data| simulate(&data, &known));
-    let simulated = simulated.map_err(|error| InputError::new(error.to_string()))?;
-    let values = Values::Sheet {
-        is_creep: matches!(set.data, Data::Creep(_)),
+    simulated.map_err(|error| InputError::new(error.to_string()))
+}
+
+/// Compares numbers that are measured against others.
+fn series(
+    quantities: Quantities,
+    (at, measured, simulated): (&[f64], &[f64], Vec<f64>),
+    sigma: &Sigma,
+) -> (Agreement, Values) {
+    let agreement = Agreement::new(measured, &simulated, sigma);
+    let values = Values::Series {
+        quantities,
         at: at.to_vec(),
         measured: measured.to_vec(),
-        simulated: simulated.clone(),
+        simulated,
     };
-    Ok((Agreement::new(measured, &simulated, sigma), values))
+    (agreement, values)
 }
 
 /// Returns R²; `None` if the measured numbers do not differ.

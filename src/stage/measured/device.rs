@@ -12,7 +12,7 @@ use deaflow_fem::{MembraneSolver, SolveOptions, Weights};
 use deaflow_field::Mesh;
 use deaflow_fit::{Elastomer, LawKind, Simulated, ViscousLaw};
 use deaflow_pattern::Pattern;
-use deaflow_scene::Scene;
+use deaflow_scene::{Scene, Viscoelasticity};
 
 /// Relative half of the difference of a parameter between the neighbours whose residuals give a derivative: the error
 /// of the derivative is about 1e-8.
@@ -21,6 +21,7 @@ const STEP: f64 = 1e-4;
 const VOLTAGE_STEP: f64 = 1.0;
 
 /// A device whose scene has free parameters.
+#[derive(Clone)]
 pub struct Device {
     /// The scene with its effects decided, as a document.
     root: Node,
@@ -91,8 +92,7 @@ impl Device {
             options,
             auto: scene.auto.then(|| scene.clone()),
         };
-        let first: Vec<f64> = device.keys.iter().map(|key| key.start).collect();
-        let first = device.scene(&first)?;
+        let first = device.scene(&device.first_values())?;
         MembraneSolver::new(&first, options).map_err(|error| InputError::new(error.to_string()))?;
         Ok(device)
     }
@@ -103,21 +103,18 @@ impl Device {
         &self.keys
     }
 
+    /// Returns the first values of the free parameters.
+    #[must_use]
+    pub fn first_values(&self) -> Vec<f64> {
+        self.keys.iter().map(|key| key.start).collect()
+    }
+
     /// Returns the same device on another mesh.
     #[must_use]
     pub fn on(&self, mesh: Mesh) -> Self {
-        self.with_options(SolveOptions { mesh, ..self.options })
-    }
-
-    /// Returns the same device with another mesh and tolerance.
-    #[must_use]
-    pub fn with_options(&self, options: SolveOptions) -> Self {
         Self {
-            root: self.root.clone(),
-            keys: self.keys.clone(),
-            options,
-            auto: self.auto.clone(),
-            effects: self.effects.clone(),
+            options: SolveOptions { mesh, ..self.options },
+            ..self.clone()
         }
     }
 
@@ -193,17 +190,13 @@ impl Device {
                     .help("fit the curves first, then the device with the fitted scene"),
             );
         };
-        let first: Vec<f64> = self.keys.iter().map(|key| key.start).collect();
-        let scene = self.scene(&first)?;
+        let scene = self.scene(&self.first_values())?;
         let viscous = scene.effects.viscoelasticity.as_ref();
         let branches = viscous.map_or(&[][..], |viscous| &viscous.branches);
         let elastomer = Elastomer {
             law: kind,
             branches: branches.len(),
-            viscous: match viscous.map(|viscous| viscous.law) {
-                Some(deaflow_scene::ViscousLaw::Finite) => ViscousLaw::Finite,
-                Some(deaflow_scene::ViscousLaw::Linear) | None => ViscousLaw::Linear,
-            },
+            viscous: viscous_law(viscous),
         };
         let of_branches = branches.iter().flat_map(|own| [own.modulus.value(), own.time.value()]);
         let (of_law, names) = (kind.parameters().len(), elastomer.parameters());
@@ -258,8 +251,7 @@ impl Device {
     /// # Errors
     /// When the elements cannot follow drawn electrodes.
     pub fn on_membrane(&self, pattern: &Pattern, points_mm: &[[f64; 2]]) -> Result<Vec<bool>, InputError> {
-        let first: Vec<f64> = self.keys.iter().map(|key| key.start).collect();
-        let scene = self.scene(&first)?;
+        let scene = self.scene(&self.first_values())?;
         let solver = MembraneSolver::new(&scene.with_electrodes_of(pattern), self.options);
         let solver = solver.map_err(|error| InputError::new(error.to_string()))?;
         Ok(points_mm
@@ -272,7 +264,7 @@ impl Device {
     pub(super) fn first_displacements(&self, pattern: &Pattern, load: &Load) -> Option<Vec<[f64; 2]>> {
         let fixed = Self {
             keys: Vec::new(),
-            ..self.with_options(self.options)
+            ..self.clone()
         };
         let found = fixed.simulate(pattern, std::slice::from_ref(load), &[]).ok()?;
         found.into_iter().next().map(|found| found.values)
@@ -330,6 +322,15 @@ impl Device {
             values: at_points(&solution.displacement, 1.0),
             by_parameter: by_parameter.collect::<Result<_, String>>()?,
         })
+    }
+}
+
+/// Returns the flow law of branches as fits name it; the linear one without branches.
+#[must_use]
+pub fn viscous_law(viscous: Option<&Viscoelasticity>) -> ViscousLaw {
+    match viscous.map(|viscous| viscous.law) {
+        Some(deaflow_scene::ViscousLaw::Finite) => ViscousLaw::Finite,
+        Some(deaflow_scene::ViscousLaw::Linear) | None => ViscousLaw::Linear,
     }
 }
 

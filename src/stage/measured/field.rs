@@ -45,8 +45,8 @@ fn number(row: &Row<'_>, column: Column) -> Result<f64, TableError> {
 /// # Errors
 /// When it cannot be read, or a column or a unit is missing.
 pub fn read_field(path: &Path, file: &MeasuredFile) -> Result<Field, InputError> {
-    const COLUMNS: &str = "a field needs the columns `x_mm`, `y_mm`, `ux_mm` and `uy_mm`, and may have `sigma_mm`; units \
-                           are mm, um, cm, m, or px with `scale`";
+    const COLUMNS: &str = "a field needs the columns `x_mm`, `y_mm`, `ux_mm` and `uy_mm`, and may have `sigma_mm`; \
+                           units are mm, um, cm, m, or px with `scale`";
     let refused = |why: &str| InputError::new(format!("{}: {why}", path.display())).help(COLUMNS);
     let wrong = |error: TableError| refused(&error.to_string());
     let mut table = Table::open(path, MOST_BYTES).map_err(wrong)?;

@@ -378,7 +378,7 @@ pub struct SceneFit {
 /// # Errors
 /// When the data cannot determine the parameters, or there is no state at the first values.
 pub fn fit_scene(device: &Device, sets: &[MeasuredSet], refines: bool) -> Result<SceneFit, InputError> {
-    let first: Vec<f64> = device.keys().iter().map(|key| key.start).collect();
+    let first = device.first_values();
     for set in sets {
         let simulated = set.simulate(device, &first);
         simulated.map_err(|why| {
@@ -391,7 +391,7 @@ pub fn fit_scene(device: &Device, sets: &[MeasuredSet], refines: bool) -> Result
         let fit = fit_on(device, sets, &first, Profiles::Wide)?;
         return SceneFit::new(device, fit, has_devices, None);
     }
-    let mut device = device.with_options(device.options());
+    let mut device = device.clone();
     let mut fit = fit_on(&device, sets, &first, Profiles::Never)?;
     loop {
         let mesh = device.options().mesh;
@@ -429,6 +429,12 @@ fn shift(first: &JointFit, second: &JointFit) -> f64 {
 }
 
 impl SceneFit {
+    /// Returns the fitted values of the parameters.
+    #[must_use]
+    pub fn values(&self) -> Vec<f64> {
+        values(&self.fit)
+    }
+
     fn new(device: &Device, fit: JointFit, has_devices: bool, shift: Option<f64>) -> Result<Self, InputError> {
         let rounded: Vec<f64> = fit.estimate.parameters.iter().map(rounded).collect();
         Ok(Self {

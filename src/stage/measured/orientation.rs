@@ -49,8 +49,8 @@ pub fn better(
     let (best, name) = found.into_iter().find(|(found, _)| *found >= largest - ALIKE)?;
     (best >= GOOD && best >= own + CLEAR).then(|| {
         format!(
-            "{name} the field would agree better (correlation {best:.2} instead of {own:.2}): check `turn`, `y` and the \
-             pattern"
+            "{name} the field would agree better (correlation {best:.2} instead of {own:.2}): check `turn`, `y` and \
+             the pattern"
         )
     })
 }
