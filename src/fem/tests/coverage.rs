@@ -398,7 +398,7 @@ fn straight_edges_have_their_normals() {
 
 #[test]
 fn a_strip_that_ends_within_cells_has_the_closed_form_displacement() {
-    // a − a⁻³λ₂⁻² − κλ₂²a = b − b⁻³λ₂⁻² with a = λ₁(1 + e), b = λ₁(1 − e): the edge is in the middle of the cells of the
+    // a − a⁻³λ₂⁻² − κλ₂²a = b − b⁻³λ₂⁻² with a = λ₁(1 + e), b = λ₁(1 − e): the edge is in the middle of cells of the
     // eleventh column.
     for [along, across] in [[3.0_f64, 3.0_f64], [3.0, 4.0], [2.0, 5.0]] {
         let scene = scene(&format!(
@@ -457,7 +457,9 @@ fn a_strip_that_ends_within_cells_has_the_closed_form_displacement() {
 
 #[test]
 fn limits_and_frequencies_are_those_of_fitted_edges() {
-    let text = "geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 24, frame: { curves: fitted, opening: { disc:                 { centre: [25 mm, 25 mm], radius: 22 mm } } } }\nmaterial: { model: neo-hookean, shear_modulus: 45 kPa,                 relative_permittivity: 4.7 }\nproperties: { density: 960 kg/m3 }\ndrive: { voltage: 5 kV }\neffects: {}";
+    let text = "geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 24, frame: { \
+                curves: fitted, opening: { disc: { centre: [25 mm, 25 mm], radius: 22 mm } } } }\nmaterial: { model: \
+                neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }\nproperties: { density: 960 kg/m3 }\ndrive: { voltage: 5 kV }\neffects: {}";
     let scene = Scene::from_text(text).unwrap();
     let region = [(1, disc([25.0; 2], 10.0))];
     let (cells, bare) = (
