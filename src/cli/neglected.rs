@@ -59,11 +59,11 @@ fn simulating<'a>(pipeline: &Pipeline, run: &RunArtifacts<'a>) -> Vec<Simulating
             continue;
         };
         // The pipeline has been read with its scenes, so they are valid.
-        let Some(Ok(scene)) = pipeline.scene_of(stage).map(Scene::read) else {
+        let Some(Ok(scene)) = pipeline.scene_of(stage).map(|scene| Scene::read(&scene)) else {
             continue;
         };
         let has = |stage: &StageSpec, is: &dyn Fn(&str) -> bool| {
-            let parameters = stage.stage.parameters();
+            let parameters = stage.stage().parameters();
             parameters.leaves().iter().any(|(key, _)| is(key))
         };
         // Designs for an amplitude are verified by the frequency response, which includes all effects in time.
@@ -120,7 +120,7 @@ fn screened(stage: &SimulatingStage<'_>, run: &RunArtifacts<'_>) -> Result<Vec<S
 /// Returns the solving stages whose scene has, or with `auto` may have, an effect of which samples are warned.
 pub fn observing(pipeline: &Pipeline) -> Vec<String> {
     let may = |stage: &&StageSpec| {
-        let scene = pipeline.scene_of(stage).map(Scene::read);
+        let scene = pipeline.scene_of(stage).map(|scene| Scene::read(&scene));
         let warns =
             |effects: &Effects| effects.dielectric_breakdown.is_some() || effects.electromechanical_stability.is_some();
         scene.is_some_and(|scene| scene.is_ok_and(|scene| scene.auto || warns(&scene.effects)))

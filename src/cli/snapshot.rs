@@ -189,7 +189,7 @@ impl<'a> SnapshotReader<'a> {
         let mut snapshot = Snapshot::new(format!("{}{sets}, current", path.display()));
         snapshot.can_be_set = true;
         for (spec, report) in pipeline.stages.iter().zip(&reports) {
-            let parameters = Some(spec.stage.parameters());
+            let parameters = Some(spec.stage().parameters());
             snapshot
                 .stages
                 .push((spec.name.clone(), spec.kind.name().to_owned(), parameters));

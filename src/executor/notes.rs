@@ -41,7 +41,7 @@ pub struct Failed {
 pub fn topic(pipeline: &Pipeline, until: Option<&str>) -> String {
     let mut text = format!("{}\n{}\n", pipeline.name, until.unwrap_or_default());
     for stage in &pipeline.stages {
-        let parameters = Digest::of(stage.stage.parameters().to_string().as_bytes());
+        let parameters = Digest::of(stage.stage().parameters().to_string().as_bytes());
         text += &format!("{} {} {parameters}\n", stage.name, stage.kind.name());
     }
     Digest::of(text.as_bytes()).short()

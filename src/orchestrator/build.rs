@@ -144,7 +144,7 @@ impl Builder<'_> {
         let inputs = piece.action.inputs.iter().map(|digest| self.store.artifact(digest));
         let inputs: Vec<Artifact> = inputs.collect::<Result<_, StoreError>>()?;
         let (steps, resumed) = (AtomicU64::new(0), AtomicU64::new(0));
-        let (name, unit) = (piece.spec.name.as_str(), piece.spec.stage.unit());
+        let (name, unit) = (piece.spec.name.as_str(), piece.spec.stage().unit());
         let reporter = Reporter {
             name,
             unit,
@@ -157,7 +157,7 @@ impl Builder<'_> {
         let key = (piece.key, self.environment.build_of_checkpoints());
         let scratch = Scratch::new(self.store, key, (name, unit), &steps, &warn, self.stop);
         let start = (self.environment.clock)();
-        let object = piece.spec.stage.build(&Job {
+        let object = piece.spec.stage().build(&Job {
             chunk: piece.chunk.map(|(_, chunk)| chunk),
             inputs: &inputs,
             progress: &reporter,
@@ -219,7 +219,7 @@ impl Builder<'_> {
             size: stored.size,
             seconds,
             unstable: match is_whole {
-                true => spec.stage.unstable(&self.store.artifact(&stored.digest)?)?,
+                true => spec.stage().unstable(&self.store.artifact(&stored.digest)?)?,
                 false => 0,
             },
             created: self.environment.now(),

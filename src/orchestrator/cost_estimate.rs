@@ -59,10 +59,10 @@ fn work(spec: &StageSpec, status: &StageStatus, input_bytes: Option<u64>, enviro
         host: environment.host.clone(),
         jobs: rayon::current_num_threads() as u64,
         steps: steps(status),
-        weight: spec.stage.weight(),
-        repeats_inputs: spec.stage.repeats_inputs(),
-        time_scales_with_inputs: spec.stage.time_scales_with_inputs(),
-        size_parameter: spec.stage.size_parameter(),
+        weight: spec.stage().weight(),
+        repeats_inputs: spec.stage().repeats_inputs(),
+        time_scales_with_inputs: spec.stage().time_scales_with_inputs(),
+        size_parameter: spec.stage().size_parameter(),
         mostly_unstable: spec.check.mostly_unstable,
         separate_parameters: spec.kind.separate_cost_parameters(),
         chunks: match &status.work {
@@ -89,7 +89,7 @@ pub fn resumed_text(
     environment: &Environment,
 ) -> Option<String> {
     let kept = resumable_steps(status, store, &environment.build_of_checkpoints());
-    (kept > 0).then(|| format!("resumes after {kept} of {} {}", steps(status), spec.stage.unit()))
+    (kept > 0).then(|| format!("resumes after {kept} of {} {}", steps(status), spec.stage().unit()))
 }
 
 /// Returns the number of steps that can be resumed from checkpoints.
@@ -168,7 +168,7 @@ fn parameters(spec: &StageSpec, work: &Plan) -> Leaves {
             first.retain(|path, value| last.get(path) == Some(value));
             first
         }
-        Plan::Whole { .. } => leaves(&spec.stage.parameters()),
+        Plan::Whole { .. } => leaves(&spec.stage().parameters()),
     };
     common.retain(|path, _| path.rsplit('.').next() != Some("seed"));
     common

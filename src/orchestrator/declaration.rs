@@ -15,6 +15,7 @@ pub struct Declared<'a> {
     pub kind: &'static str,
     pub node: Cow<'a, Node>,
     pub scene: Option<&'a Node>,
+    pub scene_from: Option<&'a Node>,
     pub needs: Vec<usize>,
 }
 
@@ -27,8 +28,10 @@ pub struct StageDeclaration<'a> {
     pub kind: &'static str,
     /// Its mapping.
     pub node: &'a Node,
-    /// Its scene.
+    /// Its scene; that of the pipeline if another stage makes it.
     pub scene: Option<&'a Node>,
+    /// The name of the stage that makes its scene, if another stage does.
+    pub scene_from: Option<&'a Node>,
     /// All stages, and its index.
     stages: &'a [Declared<'a>],
     index: usize,
@@ -54,6 +57,7 @@ impl<'a> StageDeclaration<'a> {
             kind: declared.kind,
             node: &declared.node,
             scene: declared.scene,
+            scene_from: declared.scene_from,
             stages,
             index,
         }

@@ -3,6 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use super::kind::Kind;
+use super::scene_from;
 use super::without::{WITHOUT, names_stage};
 use deaflow_base::{InputError, Node, Schema, is_plain_name, nearest};
 
@@ -21,6 +22,21 @@ pub struct Registry {
     pub most_stages: usize,
 }
 
+impl Registry {
+    /// Returns the kind of a stage, if it is known.
+    #[must_use]
+    pub fn kind_of(&self, stage: &Node) -> Option<&'static dyn Kind> {
+        let word = stage.peek("kind")?.text("kind").ok()?;
+        self.kinds.iter().copied().find(|kind| kind.name() == word)
+    }
+
+    /// Whether the kind of a stage reads a scene.
+    #[must_use]
+    pub fn reads_scene(&self, stage: &Node) -> bool {
+        self.kind_of(stage).is_some_and(Kind::reads_scene)
+    }
+}
+
 /// A stage whose name, kind and needs have been read.
 pub struct Entry<'a> {
     /// Its name.
@@ -35,6 +51,8 @@ pub struct Entry<'a> {
     pub needs: Vec<(usize, &'a Node)>,
     /// How many of them `needs` lists.
     pub listed: usize,
+    /// The stage that makes its scene, if it is not that of the pipeline.
+    pub scene: Option<(usize, &'a Node)>,
 }
 
 impl<'a> Entry<'a> {
@@ -46,6 +64,11 @@ impl<'a> Entry<'a> {
     /// The stages that `without` names.
     pub fn without(&self) -> &[(usize, &'a Node)] {
         &self.needs[self.listed..]
+    }
+
+    /// The stages that have to be built before it, as indices in the file.
+    pub fn waits_for(&self) -> Vec<usize> {
+        self.needs.iter().chain(&self.scene).map(|(index, _)| *index).collect()
     }
 
     /// Whether it only waits for a stage that `needs` lists.
@@ -94,6 +117,7 @@ pub fn read_entries<'a>(stages: &'a Node, registry: &Registry) -> Result<Vec<Ent
             return Err(kind.error(format!("unknown kind `{word}`")));
         };
         let (needs, listed) = read_needs(node, *kind, &names, &places)?;
+        let scene = read_scene_from(node, *kind, &names, &places)?;
         out.push(Entry {
             name,
             key,
@@ -101,6 +125,7 @@ pub fn read_entries<'a>(stages: &'a Node, registry: &Registry) -> Result<Vec<Ent
             kind: *kind,
             needs,
             listed,
+            scene,
         });
     }
     Ok(out)
@@ -140,6 +165,23 @@ pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), Input
             names => format!("allowed: {}", names.join(", ")),
         }
     };
+    if let Some((index, node)) = entry.scene
+        && !entries[index].kind.makes_scene()
+    {
+        let other = &entries[index];
+        let message = format!(
+            "`{}` is of kind {}, which makes no scene",
+            other.name,
+            other.kind.name()
+        );
+        let makers = entries.iter().filter(|other| other.kind.makes_scene());
+        return Err(node
+            .error(message)
+            .help(match makers.map(|other| other.name).collect::<Vec<_>>() {
+                none if none.is_empty() => "no stage of this pipeline makes a scene, as a fit does".to_owned(),
+                names => format!("allowed: {}", names.join(", ")),
+            }));
+    }
     let allowed = entry.kind.without();
     for (index, node) in entry.without() {
         let other = &entries[*index];
@@ -243,6 +285,28 @@ fn read_needs<'a>(
         }
     }
     Ok((out, listed))
+}
+
+/// Returns the stage that makes the scene of a stage, if its kind reads one.
+fn read_scene_from<'a>(
+    node: &'a Node,
+    kind: &dyn Kind,
+    names: &[&str],
+    places: &HashMap<&str, usize>,
+) -> Result<Option<(usize, &'a Node)>, InputError> {
+    if !kind.reads_scene() {
+        return Ok(None);
+    }
+    let Some(from) = scene_from::named(node)? else {
+        return Ok(None);
+    };
+    let name = from.text(scene_from::FROM)?;
+    match places.get(name) {
+        Some(&index) => Ok(Some((index, from))),
+        None => Err(from
+            .error(format!("no stage is named `{name}`"))
+            .help(suggestion(name, names))),
+    }
 }
 
 /// Returns the error for stages that need each other in a cycle, each the next and the last the first.

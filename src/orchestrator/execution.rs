@@ -91,7 +91,7 @@ impl Execution<'_> {
             None => {
                 let is_needed = self.needed.contains(&index);
                 let effort = if is_needed { Effort::Thorough } else { Effort::Quick };
-                self.planner.status(index, &self.inputs_of(index), effort)?
+                self.planner.status(index, &self.inputs, effort)?
             }
         };
         let report = plan::report(spec, &status);
@@ -119,12 +119,6 @@ impl Execution<'_> {
                 })))
             }
         }
-    }
-
-    /// Returns what is known of the stages that a stage needs.
-    fn inputs_of(&self, index: usize) -> Vec<Input> {
-        let needs = self.pipeline.stages[index].needs.iter();
-        needs.filter_map(|need| self.inputs.get(need).cloned()).collect()
     }
 
     /// Returns stages and all that need them, directly or indirectly.
@@ -160,11 +154,11 @@ impl Execution<'_> {
         if !self.builder.store.has_upstream() {
             return Ok(lost);
         }
-        for &need in &self.pipeline.stages[index].needs {
+        for need in self.pipeline.stages[index].reads() {
             if !self.needed.insert(need) {
                 continue;
             }
-            let status = self.planner.status(need, &self.inputs_of(need), Effort::Thorough)?;
+            let status = self.planner.status(need, &self.inputs, Effort::Thorough)?;
             if status.is_stale() {
                 lost.push(need);
             }
@@ -190,7 +184,7 @@ impl Execution<'_> {
             name: spec.name.clone(),
             kind: spec.kind.name().to_owned(),
             steps: cost_estimate::steps(status),
-            unit: spec.stage.unit(),
+            unit: spec.stage().unit(),
             why: why.clone(),
             reasons: reasons.iter().map(ToString::to_string).collect(),
             price: self.prices.get(&index).copied().flatten(),
@@ -300,7 +294,7 @@ impl Execution<'_> {
     fn blocked(&self, index: usize, report: &StageReport) -> Option<StageError> {
         let digest = report.digest?;
         let open = || self.builder.store.artifact(&digest);
-        match self.pipeline.stages[index].stage.blocks(&open) {
+        match self.pipeline.stages[index].stage().blocks(&open) {
             Ok(why) => why.map(StageError::Blocked),
             Err(error) => Some(error),
         }

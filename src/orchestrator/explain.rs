@@ -58,7 +58,7 @@ pub fn explain(pipeline: &Pipeline, store: &Store, stage: &str) -> Result<Explan
     // Goes back through stages that would be built; stages before a reused one do not matter.
     let mut to_explain: BTreeSet<usize> = BTreeSet::new();
     if !reasons.is_empty() {
-        to_explain.extend(&spec.needs);
+        to_explain.extend(spec.reads());
         for (&index, status) in selection.iter().zip(&statuses).take(at).rev() {
             if !to_explain.contains(&index) {
                 continue;
@@ -67,7 +67,7 @@ pub fn explain(pipeline: &Pipeline, store: &Store, stage: &str) -> Result<Explan
             let digests = digests_of(spec, &selection, &statuses);
             let mut own = self::reasons(&planner, spec, status, &digests)?;
             if !own.is_empty() {
-                to_explain.extend(&spec.needs);
+                to_explain.extend(spec.reads());
             }
             own.retain(|reason| !matches!(reason, Staleness::InputChanged { .. }));
             if !own.is_empty() {

@@ -53,6 +53,20 @@ pub trait Kind: Sync {
         false
     }
 
+    /// Whether its artifacts have a scene that it makes, which other stages may read in place of that of the pipeline:
+    /// `scene: { from: STAGE }`.
+    fn makes_scene(&self) -> bool {
+        false
+    }
+
+    /// Returns the scene that a stage of a kind that [`Kind::makes_scene`] has made.
+    ///
+    /// # Errors
+    /// If the artifact has none, or it cannot be read.
+    fn scene_of(&self, artifact: &Artifact) -> Result<Node, StageError> {
+        Err(StageError::in_artifact(artifact, "it has no scene for other stages"))
+    }
+
     /// Whether its stages collect the results of all stages of sweeps. [`Kind::read`] then finds under `rows` which
     /// needs belong together: a list of pairs of the axis values by axis name, and the indices of needs by stage name.
     fn collects(&self) -> bool {

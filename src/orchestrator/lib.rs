@@ -24,6 +24,7 @@ mod rounds;
 mod run;
 mod run_error;
 mod run_history;
+mod scene_from;
 mod scheduler;
 mod schema;
 mod scratch;

@@ -40,12 +40,16 @@ fn other_key(
     lock: &LockFile,
     locked: &LockedStage,
 ) -> Result<Option<LockDifference>, StoreError> {
+    if spec.unknown_scene().is_some() {
+        // Its artifact is compared when it is built.
+        return Ok(None);
+    }
     let needs = spec.needs.iter().map(|&need| pipeline.stages[need].name.as_str());
     let inputs: Vec<(&str, Option<ArtifactId>)> = needs
         .map(|name| (name, lock.stages.get(name).map(|stage| stage.artifact)))
         .collect();
     let digests: Vec<Option<ArtifactId>> = inputs.iter().map(|(_, digest)| *digest).collect();
-    let parameters = spec.stage.parameters();
+    let parameters = spec.stage().parameters();
     let action = Action::of_stage(spec.kind.name(), spec.recipe(), &parameters, &digests);
     let Some(key) = action.map(|action| action.key()).transpose()? else {
         // An input is not in the lock file, which is reported for that input.

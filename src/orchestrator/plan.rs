@@ -91,7 +91,7 @@ pub fn check_inputs(
         let spec = &pipeline.stages[index];
         let kinds = spec.needs.iter().map(|&need| pipeline.stages[need].kind.name());
         let known: Vec<_> = kinds.zip(digests_of(spec, selection, statuses)).collect();
-        spec.stage.check_inputs(&known, &open)?;
+        spec.stage().check_inputs(&known, &open)?;
     }
     Ok(())
 }
@@ -121,7 +121,7 @@ pub fn reasons(
             Staleness::ArtifactMissing | Staleness::ArtifactDamaged | Staleness::Removed { .. } => {
                 Ok(vec![why.clone()])
             }
-            _ => planner.reasons(spec, &spec.stage.parameters(), inputs),
+            _ => planner.reasons(spec, &spec.stage().parameters(), inputs),
         },
     }
 }

@@ -201,9 +201,7 @@ impl<'a> Planner<'a> {
         let mut inputs: BTreeMap<usize, Input> = BTreeMap::new();
         let mut out = Vec::with_capacity(selection.len());
         for &index in selection {
-            let needs = &self.pipeline.stages[index].needs;
-            let given: Vec<Input> = needs.iter().filter_map(|need| inputs.get(need).cloned()).collect();
-            let status = self.status(index, &given, Effort::Quick)?;
+            let status = self.status(index, &inputs, Effort::Quick)?;
             inputs.insert(index, status.as_input());
             out.push(status);
         }
@@ -211,17 +209,28 @@ impl<'a> Planner<'a> {
         Ok(out)
     }
 
-    /// Returns the status of one stage, given the stages that it needs.
+    /// Returns the status of one stage, given what is known of those that it waits for.
     ///
     /// # Errors
     /// If the store cannot be read.
-    pub fn status(&self, index: usize, inputs: &[Input], effort: Effort) -> Result<StageStatus, StoreError> {
+    pub fn status(
+        &self,
+        index: usize,
+        known: &BTreeMap<usize, Input>,
+        effort: Effort,
+    ) -> Result<StageStatus, StoreError> {
         let spec = &self.pipeline.stages[index];
+        self.read_scene(spec, known)?;
+        let stage = spec.stage();
+        let inputs: Vec<Input> = spec.needs.iter().filter_map(|need| known.get(need).cloned()).collect();
         let digests: Vec<Option<ArtifactId>> = inputs.iter().map(|input| input.digest).collect();
-        let parameters = spec.stage.parameters();
-        let action = keyed(Action::of_stage(spec.kind.name(), spec.recipe(), &parameters, &digests))?;
-        let work = spec.stage.plan(inputs);
-        let effort = match spec.stage.blocking_reads_artifact() {
+        let parameters = stage.parameters();
+        let action = match spec.unknown_scene() {
+            None => keyed(Action::of_stage(spec.kind.name(), spec.recipe(), &parameters, &digests))?,
+            Some(_) => None,
+        };
+        let work = stage.plan(&inputs);
+        let effort = match stage.blocking_reads_artifact() {
             true => Effort::Thorough,
             false => effort,
         };
@@ -245,6 +254,20 @@ impl<'a> Planner<'a> {
         };
         let state = StageState::Stale { why, chunks, expected };
         Ok(StageStatus { action, work, state })
+    }
+
+    /// Reads the scene of a stage, if another stage makes it.
+    fn read_scene(&self, spec: &StageSpec, known: &BTreeMap<usize, Input>) -> Result<(), StoreError> {
+        let Some(from) = &spec.scene_from else { return Ok(()) };
+        let maker = &self.pipeline.stages[from.index];
+        let artifact = known.get(&from.index).and_then(|input| input.digest);
+        match artifact.filter(|artifact| self.store.has(artifact) || self.store.has_upstream()) {
+            Some(artifact) => from.read(spec.kind, maker.kind, &artifact, &|| self.store.artifact(&artifact)),
+            None => {
+                from.forget();
+                Ok(())
+            }
+        }
     }
 
     /// Returns the record of an action and the condition of its artifact; `None` also if that is of another kind.
@@ -310,6 +333,10 @@ impl<'a> Planner<'a> {
         parameters: &Canonical,
         digests: &[Option<ArtifactId>],
     ) -> Result<Vec<Staleness>, StoreError> {
+        if let Some(maker) = spec.unknown_scene() {
+            let which = self.pipeline.stages[maker].name.clone();
+            return Ok(vec![Staleness::InputChanged { which }]);
+        }
         let names = spec.needs.iter().map(|&need| self.pipeline.stages[need].name.as_str());
         let inputs: Vec<(&str, Option<ArtifactId>)> = names.zip(digests.iter().copied()).collect();
         let current = Current {
@@ -443,7 +470,11 @@ impl<'a> Planner<'a> {
         };
         let (kind, recipe) = (spec.kind.name(), spec.recipe());
         let chunks = chunks.par_iter().with_min_len(FILES_PER_THREAD);
-        let keyed = |chunk: &Chunk| keyed(Action::of_chunk(kind, recipe, &chunk.parameters, &chunk.inputs));
+        let is_known = spec.unknown_scene().is_none();
+        let keyed = |chunk: &Chunk| match is_known {
+            true => keyed(Action::of_chunk(kind, recipe, &chunk.parameters, &chunk.inputs)),
+            false => Ok(None),
+        };
         let actions: Vec<Option<(Action, ActionKey)>> = chunks.map(keyed).collect::<Result<_, _>>()?;
         let listed = self.listed(&actions)?;
         let states = actions.into_par_iter().with_min_len(FILES_PER_THREAD);
@@ -512,6 +543,6 @@ fn expected_manifest(spec: &StageSpec, chunks: &[ChunkState]) -> Result<Option<A
 
 /// Creates the artifact of a chunked stage.
 pub fn manifest(spec: &StageSpec, parts: Vec<ArtifactId>) -> Object {
-    let attributes = spec.stage.attributes().into_iter().collect();
+    let attributes = spec.stage().attributes().into_iter().collect();
     Object::manifest(attributes, parts).of_kind(spec.kind.name())
 }

@@ -228,7 +228,5 @@ fn reports(pipeline: &Pipeline, selection: &[usize], statuses: &[StageStatus]) -
 /// they can still be rebuilt, not by the stage that reads them.
 fn needed(pipeline: &Pipeline, selection: &[usize], statuses: &[StageStatus]) -> BTreeSet<usize> {
     let stale = selection.iter().zip(statuses).filter(|(_, status)| status.is_stale());
-    stale
-        .flat_map(|(&index, _)| pipeline.stages[index].needs.iter().copied())
-        .collect()
+    stale.flat_map(|(&index, _)| pipeline.stages[index].reads()).collect()
 }

@@ -5,6 +5,7 @@ use serde_json::{Map, Value, json};
 use super::entry::Registry;
 use super::kind::Kind;
 use super::rounds;
+use super::scene_from;
 use super::sweep;
 use deaflow_base::{Fields, Schema};
 
@@ -129,6 +130,10 @@ fn of_kind(kind: &dyn Kind, gated: bool, registry: &Registry) -> Schema {
     };
     let with_frame = |fields: Fields| {
         let fields = sweep::schema(rounds::schema(kind, fields, registry));
+        let fields = match kind.reads_scene() {
+            true => scene_from::schema(fields),
+            false => fields,
+        };
         let fields = fields.required("kind", Schema::word(&[kind.name()]).description("What the stage does."));
         let list = || {
             let beside = match kind.optional_needs() {

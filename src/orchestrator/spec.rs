@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::declaration::{Declarations, Declared};
 use super::entry::{
@@ -11,6 +12,7 @@ use super::entry::{
 use super::graph;
 use super::kind::{Input, Kind, Plan, Stage, StageCheck};
 use super::rounds::{self, Rounds};
+use super::scene_from::{self, SceneFrom};
 use super::sweep::{self, Sweep};
 use deaflow_base::{Document, InputError, Node, NodeValue, Override, folder_of};
 
@@ -20,6 +22,9 @@ const KEYS: [&str; 4] = ["version", "name", "scene", "stages"];
 
 /// The start of keys at the top of a pipeline that are skipped: they hold anchors that other places share.
 const EXTENSION: &str = "x-";
+
+/// The keys of stages that read a scene which are gone when their kinds read them.
+const KEYS_WITH_SCENE: [&str; 3] = [sweep::KEYS[0], sweep::KEYS[1], scene_from::SCENE];
 
 /// Maximum number of chunks in a pipeline (about 25 million samples), because a plan holds all of them in memory.
 const MOST_PIECES: u64 = 500_000;
@@ -52,7 +57,7 @@ pub struct StageSpec {
     pub kind: &'static dyn Kind,
     /// The stages that it needs, as indices in [`Pipeline::stages`], in the order of the file.
     pub needs: Vec<usize>,
-    /// The stages that it only waits for, likewise.
+    /// The stages that it only waits for, likewise, with that of [`StageSpec::scene_from`].
     pub gates: Vec<usize>,
     /// Its own scene, if it differs from that of the pipeline.
     pub scene: Option<Node>,
@@ -60,15 +65,38 @@ pub struct StageSpec {
     pub files: Vec<String>,
     /// The result of checking it before a run.
     pub check: StageCheck,
-    /// The validated stage.
-    pub stage: Box<dyn Stage>,
+    /// The stage that makes its scene, if another one does.
+    pub scene_from: Option<SceneFrom>,
+    /// The validated stage, with the scene of the pipeline.
+    stage: Arc<dyn Stage>,
 }
 
 impl StageSpec {
     /// Returns the RECIPE number of its results.
     #[must_use]
     pub fn recipe(&self) -> u32 {
-        self.kind.recipe() + self.stage.revision()
+        self.kind.recipe() + self.stage().revision()
+    }
+
+    /// Returns the stage. As long as the scene that another stage makes is not known, it has that of the pipeline.
+    #[must_use]
+    pub fn stage(&self) -> Arc<dyn Stage> {
+        let with_scene = self.scene_from.as_ref().and_then(SceneFrom::stage);
+        with_scene.unwrap_or_else(|| self.stage.clone())
+    }
+
+    /// Returns the index of the stage that makes its scene, if that scene is not known or not valid. Its key is not
+    /// known then.
+    #[must_use]
+    pub fn unknown_scene(&self) -> Option<usize> {
+        let from = self.scene_from.as_ref()?;
+        from.stage().is_none().then_some(from.index)
+    }
+
+    /// Returns the stages whose artifacts it depends on: those that it needs, and that of its scene.
+    pub fn reads(&self) -> impl Iterator<Item = usize> + '_ {
+        let scene = self.scene_from.as_ref().map(|from| from.index);
+        self.needs.iter().copied().chain(scene)
     }
 
     /// Returns the stages that have to be built before this one.
@@ -113,9 +141,12 @@ impl Pipeline {
         let name = read_frame(&root, registry)?;
         let sweeps = sweep::unroll(&mut root, registry, registry.most_stages)?;
         let rounds = rounds::unroll(&mut root, &late, registry)?;
-        root.child_mut("stages")
-            .into_iter()
-            .for_each(|stages| stages.set_removed_keys(&sweep::KEYS));
+        if let Some(stages) = root.child_mut("stages") {
+            stages.set_removed_keys(|stage| match registry.reads_scene(stage) {
+                true => &KEYS_WITH_SCENE,
+                false => &sweep::KEYS,
+            });
+        }
         let map = root.fields(WHAT, &KEYS)?;
         let entries = read_entries(map.required(WHAT, "stages")?, registry)?;
         let stages = read_stages(&entries, map.optional("scene"), !sweeps.is_empty())?;
@@ -152,8 +183,10 @@ impl Pipeline {
 
     /// Returns the scene of a stage: its own, or that of the pipeline.
     #[must_use]
-    pub fn scene_of<'a>(&'a self, stage: &'a StageSpec) -> Option<&'a Node> {
-        stage.scene.as_ref().or(self.scene.as_ref())
+    pub fn scene_of<'a>(&'a self, stage: &'a StageSpec) -> Option<Cow<'a, Node>> {
+        let made = stage.scene_from.as_ref().and_then(SceneFrom::scene);
+        let other = || stage.scene.as_ref().or(self.scene.as_ref());
+        made.map(Cow::Owned).or_else(|| other().map(Cow::Borrowed))
     }
 
     /// Returns the indices of the selected stages in topological order: all, or `until` and what it needs. The name of
@@ -267,10 +300,7 @@ fn read_frame(root: &Node, registry: &Registry) -> Result<String, InputError> {
 }
 
 fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Result<Vec<StageSpec>, InputError> {
-    let needs: Vec<Vec<usize>> = entries
-        .iter()
-        .map(|entry| entry.needs.iter().map(|(index, _)| *index).collect())
-        .collect();
+    let needs: Vec<Vec<usize>> = entries.iter().map(Entry::waits_for).collect();
     let order = graph::order(&needs).map_err(|cycle| refuse_cycle(entries, &cycle))?;
     let mut place = vec![0; order.len()];
     for (at, &index) in order.iter().enumerate() {
@@ -284,13 +314,18 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Resu
             let listed = entry.listed().iter();
             let selected = listed.filter(|(index, _)| entry.is_gate(&entries[*index]) == gates);
             let without = entry.without().iter().filter(|_| !gates);
-            selected.chain(without).map(|(index, _)| place[*index]).collect()
+            let scene = entry.scene.iter().filter(|_| gates);
+            let mut places: Vec<usize> = selected
+                .chain(without)
+                .chain(scene)
+                .map(|(index, _)| place[*index])
+                .collect();
+            places.dedup();
+            places
         };
-        let own_scene = entry.node.peek(sweep::SCENE).filter(|_| swept);
-        let stage = match own_scene {
-            Some(scene) => entry.kind.read(&entry.node.without(sweep::SCENE), Some(scene))?,
-            None => entry.kind.read(entry.node, scene)?,
-        };
+        let own_scene = entry.node.peek(sweep::SWEPT_SCENE).filter(|_| swept);
+        let node = without_scene(entry, swept);
+        let stage = entry.kind.read(&node, own_scene.or(scene))?;
         stages.push(Some(StageSpec {
             name: entry.name.to_owned(),
             kind: entry.kind,
@@ -299,13 +334,16 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Resu
             scene: own_scene.cloned(),
             files: entry.kind.files(entry.node),
             check: StageCheck::default(),
-            stage,
+            scene_from: entry
+                .scene
+                .map(|(index, _)| SceneFrom::new(place[index], node.into_owned())),
+            stage: Arc::from(stage),
         }));
     }
     for (index, check) in check_stages(entries, scene, swept)?.into_iter().enumerate() {
         if let Some(stage) = &mut stages[index] {
             stage.check = check;
-            stage.check.warnings.extend(stage.stage.notes());
+            stage.check.warnings.extend(stage.stage().notes());
         }
     }
     let stages: Vec<StageSpec> = order.iter().filter_map(|&index| stages[index].take()).collect();
@@ -318,21 +356,41 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Resu
 fn check_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Result<Vec<StageCheck>, InputError> {
     let stages = Declarations::new(entries.iter().map(|entry| declared(entry, scene, swept)).collect());
     let each = entries.iter().zip(stages.iter());
-    each.map(|(entry, stage)| entry.kind.check(&stage, &stage.needs().collect::<Vec<_>>()))
-        .collect()
+    each.map(|(entry, stage)| {
+        let check = entry.kind.check(&stage, &stage.needs().collect::<Vec<_>>())?;
+        // What the scene of the pipeline lets expect says nothing about one that is made later.
+        Ok(match entry.scene {
+            Some(_) => StageCheck::default(),
+            None => check,
+        })
+    })
+    .collect()
+}
+
+/// Returns the mapping of a stage as its kind reads it: without the scene of a sweep, and without the name of a stage
+/// that makes its scene.
+fn without_scene<'a>(entry: &Entry<'a>, swept: bool) -> Cow<'a, Node> {
+    let is_own = swept && entry.node.peek(sweep::SWEPT_SCENE).is_some();
+    match (is_own, entry.scene.is_some()) {
+        (false, false) => Cow::Borrowed(entry.node),
+        (true, false) => Cow::Owned(entry.node.without(sweep::SWEPT_SCENE)),
+        (false, true) => Cow::Owned(entry.node.without(scene_from::SCENE)),
+        (true, true) => {
+            let node = entry.node.without(sweep::SWEPT_SCENE);
+            Cow::Owned(node.without(scene_from::SCENE))
+        }
+    }
 }
 
 /// Returns a stage for checks, without the scene that a sweep adds to its mapping.
 fn declared<'a>(entry: &'a Entry<'a>, scene: Option<&'a Node>, swept: bool) -> Declared<'a> {
-    let own = entry.node.peek(sweep::SCENE).filter(|_| swept);
+    let own = entry.node.peek(sweep::SWEPT_SCENE).filter(|_| swept);
     Declared {
         name: entry.name,
         kind: entry.kind.name(),
-        node: match own {
-            Some(_) => Cow::Owned(entry.node.without(sweep::SCENE)),
-            None => Cow::Borrowed(entry.node),
-        },
+        node: without_scene(entry, swept),
         scene: own.or(scene),
+        scene_from: entry.scene.map(|(_, node)| node),
         needs: entry.needs.iter().map(|(need, _)| *need).collect(),
     }
 }
@@ -346,7 +404,7 @@ fn check_pieces(stages: &[StageSpec], order: &[usize], entries: &[Entry<'_>]) ->
             .needs
             .iter()
             .fold(0, |sum: u64, &need| sum.saturating_add(pieces[need]));
-        let own = stage.stage.pieces(given);
+        let own = stage.stage().pieces(given);
         pieces.push(own);
         total = total.saturating_add(own);
         if total > MOST_PIECES {
@@ -362,7 +420,7 @@ fn check_pieces(stages: &[StageSpec], order: &[usize], entries: &[Entry<'_>]) ->
 
 /// Lets stages check the numbers of samples of their inputs.
 fn check_samples(stages: &[StageSpec], order: &[usize], entries: &[Entry<'_>]) -> Result<(), InputError> {
-    if !stages.iter().any(|spec| spec.stage.checks_samples()) {
+    if !stages.iter().any(|spec| spec.stage().checks_samples()) {
         return Ok(());
     }
     let mut planned: Vec<Input> = Vec::with_capacity(stages.len());
@@ -373,11 +431,11 @@ fn check_samples(stages: &[StageSpec], order: &[usize], entries: &[Entry<'_>]) -
             (stages[*need].kind.name(), count)
         };
         let counted: Vec<(&'static str, u64)> = spec.needs.iter().zip(&inputs).map(samples).collect();
-        if let Err(why) = spec.stage.check_samples(&counted) {
+        if let Err(why) = spec.stage().check_samples(&counted) {
             let entry = &entries[index];
             return Err(entry.node.peek("needs").unwrap_or(entry.key).error(why));
         }
-        let parts = match spec.stage.plan(&inputs) {
+        let parts = match spec.stage().plan(&inputs) {
             Plan::Whole { .. } => vec![(None, 1)],
             Plan::Chunks(chunks) => chunks.iter().map(|chunk| (None, chunk.samples)).collect(),
         };
@@ -388,7 +446,11 @@ fn check_samples(stages: &[StageSpec], order: &[usize], entries: &[Entry<'_>]) -
 
 fn refuse_cycle(entries: &[Entry<'_>], cycle: &[usize]) -> InputError {
     let (first, second) = (cycle[0], cycle[1 % cycle.len()]);
-    let item = entries[first].needs.iter().find(|(index, _)| *index == second);
+    let item = entries[first]
+        .needs
+        .iter()
+        .chain(&entries[first].scene)
+        .find(|(index, _)| *index == second);
     let mut names: Vec<(&str, &Node)> = cycle
         .iter()
         .map(|&index| (entries[index].name, entries[index].key))

@@ -8,6 +8,7 @@ use super::build_chunks::{AssembledStage, ChunkedStage};
 use super::event::{Outcome, StageReport};
 use super::kind::{Plan, StageError};
 use super::planner::{self, StageState, StageStatus};
+use super::scene_from::SceneFrom;
 use super::spec::StageSpec;
 use super::staleness::Staleness;
 use deaflow_base::ArtifactId;
@@ -73,7 +74,8 @@ impl StageWork {
             },
         ) = (&self.status.action, &self.status.state)
         else {
-            return Err(StageError::failed("the stage is not ready to be built"));
+            let refusal = spec.scene_from.as_ref().and_then(SceneFrom::refusal);
+            return Err(refusal.unwrap_or_else(|| StageError::failed("the stage is not ready to be built")));
         };
         let Plan::Chunks(chunks) = &self.status.work else {
             builder.refuse_chunk_selection(self.index)?;

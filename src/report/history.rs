@@ -178,7 +178,7 @@ impl PipelineHistory {
 /// Returns the parts of the scene of a stage with their entries as written.
 fn scene(pipeline: &Pipeline, name: &str) -> Vec<(String, String)> {
     let node = pipeline.stage(name).and_then(|spec| pipeline.scene_of(spec));
-    let Some(NodeValue::Map(parts)) = node.map(Node::value) else {
+    let Some(NodeValue::Map(parts)) = node.as_deref().map(Node::value) else {
         return Vec::new();
     };
     let entries = |part: &Node| match part.value() {

@@ -55,6 +55,17 @@ impl Node {
         InputError::at(&self.source, self.span, message.into(), label.into())
     }
 
+    /// Gives an error without a position that of this node.
+    #[must_use]
+    pub fn place(&self, error: InputError) -> InputError {
+        if error.span.is_some() {
+            return error;
+        }
+        let mut placed = self.error(error.message);
+        placed.help = error.help;
+        placed
+    }
+
     /// Returns `file:line` of this node.
     #[must_use]
     pub fn position(&self) -> String {
@@ -229,9 +240,11 @@ impl Node {
 
     /// Lists keys as allowed in error messages of the mappings in this one, although they were read and removed
     /// earlier.
-    pub fn set_removed_keys(&mut self, keys: &'static [&'static str]) {
+    pub fn set_removed_keys(&mut self, keys_of: impl Fn(&Self) -> &'static [&'static str]) {
         if let NodeValue::Map(entries) = &mut self.value {
-            entries.iter_mut().for_each(|(_, value)| value.removed_keys = keys);
+            entries
+                .iter_mut()
+                .for_each(|(_, value)| value.removed_keys = keys_of(value));
         }
     }
 

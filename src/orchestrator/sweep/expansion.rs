@@ -11,6 +11,7 @@ use super::{MANY_STAGES, Sweep};
 use crate::entry::{Registry, refuse_cycle_of, suggestion};
 use crate::graph;
 use crate::kind::Kind;
+use crate::scene_from::{self, FROM, SCENE};
 use crate::without::{WITHOUT, names_stage};
 use deaflow_base::{InputError, Node, NodeValue, nearest};
 
@@ -24,7 +25,7 @@ pub const ROWS: &str = "rows";
 pub const KINDS: &str = "kinds";
 
 /// Where a stage finds its own scene, where scenes differ. No file may have it.
-pub const SCENE: &str = "scene";
+pub const SWEPT_SCENE: &str = "scene of the sweep";
 
 const NEEDS: &str = "needs";
 
@@ -69,12 +70,7 @@ pub fn unroll(root: &mut Node, registry: &Registry, most: usize) -> Result<Vec<S
 /// Whether a stage cannot be read as it stands in the file.
 fn is_swept(node: &Node, registry: &Registry) -> bool {
     let own = [FOREACH, GATHER].into_iter().any(|key| node.peek(key).is_some());
-    own || is_template(node) || kind_of(node, registry).is_some_and(Kind::collects)
-}
-
-fn kind_of(node: &Node, registry: &Registry) -> Option<&'static dyn Kind> {
-    let word = node.peek("kind")?.text("kind").ok()?;
-    registry.kinds.iter().copied().find(|kind| kind.name() == word)
+    own || is_template(node) || registry.kind_of(node).is_some_and(Kind::collects)
 }
 
 /// A key that is nearly one of those of sweeps.
@@ -169,7 +165,12 @@ fn templates<'a>(
     let places: BTreeMap<&str, usize> = names.iter().enumerate().map(|(place, name)| (*name, place)).collect();
     let template = |((key, node), name): (&'a (Node, Node), &&'a str)| {
         node.entries(&format!("stages.{name}"))?;
-        for hidden in [ROWS, KINDS, SCENE] {
+        let from = match registry.reads_scene(node) {
+            true => scene_from::named(node)?,
+            false => None,
+        };
+        let hidden = [ROWS, KINDS, SWEPT_SCENE].into_iter();
+        for hidden in hidden.chain(from.is_none().then_some(SCENE)) {
             if let Some(value) = node.peek(hidden) {
                 let help = match hidden {
                     SCENE => {
@@ -187,6 +188,10 @@ fn templates<'a>(
             if has_without(node, registry) {
                 all.extend(needs(node, WITHOUT, &settings, &places, &names)?);
             }
+            if let Some(from) = from {
+                let from = Substitution::default().of(from, &settings)?;
+                all.push(need(&from, SCENE, &places, &names)?);
+            }
             Ok((settings, all))
         };
         let own = combinations(node, most)?.into_iter().map(with_needs);
@@ -195,7 +200,7 @@ fn templates<'a>(
             key,
             node,
             own: own.collect::<Result<_, InputError>>()?,
-            gather: Gather::read(node, kind_of(node, registry))?,
+            gather: Gather::read(node, registry.kind_of(node))?,
         })
     };
     entries.iter().zip(&names).map(template).collect()
@@ -203,7 +208,7 @@ fn templates<'a>(
 
 /// Whether the key `without` of a stage names stages.
 fn has_without(node: &Node, registry: &Registry) -> bool {
-    kind_of(node, registry).is_some_and(|kind| !kind.without().is_empty())
+    registry.kind_of(node).is_some_and(|kind| !kind.without().is_empty())
 }
 
 /// Returns the stages that a stage names under a key. Names of files are skipped.
@@ -223,19 +228,25 @@ fn needs(
         if key == WITHOUT && !names_stage(name) {
             continue;
         }
-        let base = name.split_once('@').map_or(name, |(base, _)| base);
-        let Some(&template) = places.get(base) else {
-            let message = format!("no stage is named `{name}`");
-            return Err(item.error(message).help(suggestion(name, names)));
-        };
-        needs.push(Need {
-            template,
-            stage: (base != name).then(|| name.to_owned()),
-            key,
-            node: item.clone(),
-        });
+        needs.push(need(item, key, places, names)?);
     }
     Ok(needs)
+}
+
+/// Returns the stage that a node names.
+fn need(item: &Node, key: &'static str, places: &BTreeMap<&str, usize>, names: &[&str]) -> Result<Need, InputError> {
+    let name = item.text(key)?;
+    let base = name.split_once('@').map_or(name, |(base, _)| base);
+    let Some(&template) = places.get(base) else {
+        let message = format!("no stage is named `{name}`");
+        return Err(item.error(message).help(suggestion(name, names)));
+    };
+    Ok(Need {
+        template,
+        stage: (base != name).then(|| name.to_owned()),
+        key,
+        node: item.clone(),
+    })
 }
 
 /// A stage of a sweep.
@@ -331,7 +342,7 @@ impl<'a> Expansion<'a> {
         for &place in order {
             let template = &self.templates[place];
             used[place].extend(axes_in(template.node));
-            if kind_of(template.node, self.registry).is_some_and(Kind::reads_scene) {
+            if self.registry.kind_of(template.node).is_some_and(Kind::reads_scene) {
                 used[place].extend(self.scene_axes.iter().cloned());
             }
             let own = template.own.iter().flat_map(|(settings, _)| settings);
@@ -504,7 +515,22 @@ impl<'a> Expansion<'a> {
             let items = files.cloned().chain(named_by(WITHOUT)).collect();
             node.put(WITHOUT, list.with_value(NodeValue::List(items)));
         }
-        if kind_of(&node, self.registry).is_some_and(Kind::collects) {
+        if let Some(from) = node.peek(SCENE).and_then(|scene| scene.peek(FROM)) {
+            let scene = match &named_by(SCENE)[..] {
+                [one] => from.with_value(NodeValue::Map(vec![(
+                    from.with_value(NodeValue::Text(FROM.to_owned())),
+                    one.clone(),
+                )])),
+                several => {
+                    let message = format!("a stage has one scene, and {} stages are named", several.len());
+                    return Err(from
+                        .error(message)
+                        .help("name one stage of the sweep, as in `from: fitted@r=3mm`"));
+                }
+            };
+            node.put(SCENE, scene);
+        }
+        if self.registry.kind_of(&node).is_some_and(Kind::collects) {
             node.put(ROWS, self.rows(template, candidates, &needed)?);
             node.put(KINDS, self.kinds(template, candidates));
         }
@@ -532,7 +558,7 @@ impl<'a> Expansion<'a> {
         let at = |value: NodeValue| template.key.with_value(value);
         let kind = |these: &Candidates<'_>| {
             let of = &self.templates[these.template];
-            let kind = kind_of(of.node, self.registry).map_or("", Kind::name);
+            let kind = self.registry.kind_of(of.node).map_or("", Kind::name);
             let text = |text: &str| at(NodeValue::Text(text.to_owned()));
             (text(of.name), text(kind))
         };
@@ -577,7 +603,7 @@ impl<'a> Expansion<'a> {
     /// Gives a stage that reads the scene the scene with its own values.
     fn put_scene(&mut self, place: usize, instance: &mut Instance) -> Result<(), InputError> {
         let Some(scene) = self.scene else { return Ok(()) };
-        if !kind_of(&instance.node, self.registry).is_some_and(Kind::reads_scene) {
+        if !self.registry.kind_of(&instance.node).is_some_and(Kind::reads_scene) {
             return Ok(());
         }
         let own = instance
@@ -611,7 +637,7 @@ impl<'a> Expansion<'a> {
             self.scenes.insert(known.clone(), scene);
         }
         if let Some(scene) = self.scenes.get(&known) {
-            instance.node.put(SCENE, scene.clone());
+            instance.node.put(SWEPT_SCENE, scene.clone());
         }
         Ok(())
     }

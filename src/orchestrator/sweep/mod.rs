@@ -18,7 +18,7 @@ mod substitute;
 mod template;
 
 pub use axes::FOREACH;
-pub use expansion::{GATHER, SCENE, unroll};
+pub use expansion::{GATHER, SWEPT_SCENE, unroll};
 pub use template::axes_in;
 
 use serde_json::{Value, json};

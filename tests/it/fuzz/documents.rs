@@ -162,7 +162,7 @@ fn pipelines() {
         let read = Pipeline::read(document, &[], &registry()).inspect_err(refused);
         if let Ok(pipeline) = &read {
             for stage in &pipeline.stages {
-                check_message(&format!("{:.100}", stage.stage.parameters().to_string()));
+                check_message(&format!("{:.100}", stage.stage().parameters().to_string()));
             }
             assert!(pipeline.selection(None).is_ok());
         }
