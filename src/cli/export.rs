@@ -6,6 +6,7 @@ mod design;
 mod membrane;
 mod model;
 mod research_object;
+mod scene;
 
 use std::path::Path;
 
@@ -28,6 +29,8 @@ pub enum Exported {
     Design(design::ExportDesignArguments),
     /// Export a trained model as a safetensors or ONNX file
     Model(model::ExportModelArguments),
+    /// Export the scene of an artifact, such as a fitted one
+    Scene(scene::ExportSceneArguments),
 }
 
 pub fn execute(arguments: &ExportArguments, output: &Output) -> Result<Exit, CliError> {
@@ -36,6 +39,7 @@ pub fn execute(arguments: &ExportArguments, output: &Output) -> Result<Exit, Cli
         Exported::Crate(arguments) => research_object::execute(arguments, output),
         Exported::Design(arguments) => design::execute(arguments, output),
         Exported::Model(arguments) => model::execute(arguments, output),
+        Exported::Scene(arguments) => scene::execute(arguments, output),
     }
 }
 
