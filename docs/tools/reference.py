@@ -160,7 +160,8 @@ def sweeps(definitions):
 def main():
     schema = plain(json.load(sys.stdin))
     kinds = schema["$defs"]
-    order = ["sample", "solve", "balance", "train", "calibrate", "evaluate", "design", "verify", "accuracy", "audit"]
+    order = ["sample", "solve", "balance", "train", "calibrate", "evaluate", "design", "verify", "accuracy", "audit",
+             "measure", "fit", "compare"]
     order += [kind for kind in kinds if kind not in order and kind not in ("scene", "shape", "axis", *SWEEPS)]
     parts = [HEAD.strip(), section("Scene", kinds["scene"]), sweeps(kinds)]
     parts += [section(f"kind: {kind}", kinds[kind]) for kind in order if kind in kinds]

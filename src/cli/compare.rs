@@ -207,6 +207,7 @@ fn rows(compared: &[Compared]) -> Result<String, CliError> {
             }
             Values::Series {
                 quantities,
+                rows,
                 at,
                 measured,
                 simulated,
@@ -216,11 +217,12 @@ fn rows(compared: &[Compared]) -> Result<String, CliError> {
                     Quantities::VoltageDisplacement => (3, "u", "mm"),
                     Quantities::VoltageStretch => (3, "stretch", "1"),
                     Quantities::StretchStress => (4, "P", "Pa"),
+                    Quantities::TimeStress => (2, "P", "Pa"),
                 };
-                for (row, number) in at.iter().enumerate() {
+                for (at, (row, number)) in rows.iter().zip(at).enumerate() {
                     let mut place = [None; 5];
                     place[column] = Some(*number);
-                    add(row + 1, place, component, [measured[row], simulated[row]], unit);
+                    add(*row, place, component, [measured[at], simulated[at]], unit);
                 }
             }
         }

@@ -7,9 +7,10 @@ use serde_json::{Value, json};
 use super::text::Text;
 use super::{CliError, Output, table, write};
 use deaflow_base::{four_digits, with_minus};
-use deaflow_report::figures::{FigureError, FittedCurve, MeasuredFigure, measured_sheet};
+use deaflow_report::figures::measured_sheet;
+use deaflow_report::figures_of_files;
 use deaflow_scene::Scene;
-use deaflow_stage::measured::{Agreement, Compared, MeasuredSet, Quantities, Values};
+use deaflow_stage::measured::{Agreement, Compared, MeasuredSet, Quantities, Values, compared_files, compared_rows};
 
 /// Returns a table with a row for each file.
 pub fn summary(compared: &[Compared]) -> Text {
@@ -38,6 +39,14 @@ pub fn summary(compared: &[Compared]) -> Text {
     }
     let mut text = Text::of(table);
     for one in compared {
+        if let [first, ..] = one.without_equilibrium[..] {
+            let count = one.without_equilibrium.len();
+            text.line(format!(
+                "{}: the simulation has no stable equilibrium at {}, the first of them row {first}; they are not compared",
+                one.name,
+                table::counted(count as u64, "rows")
+            ));
+        }
         if let Values::Field { result, .. } = &one.values {
             let [x, y] = result.translation_mm.map(|at| with_minus(&four_digits(at)));
             let degrees = with_minus(&four_digits(result.rotation.to_degrees()));
@@ -54,18 +63,8 @@ fn unit_of(values: &Values) -> (f64, &'static str) {
         Values::Series { quantities, .. } => match quantities {
             Quantities::VoltageDisplacement => (1.0, "mm"),
             Quantities::VoltageStretch | Quantities::TimeStretch => (1.0, ""),
-            Quantities::StretchStress => (1e-3, "kPa"),
+            Quantities::StretchStress | Quantities::TimeStress => (1e-3, "kPa"),
         },
-    }
-}
-
-/// The factor of what numbers are measured against, and the labels of both axes.
-fn axes(quantities: Quantities) -> (f64, [&'static str; 2]) {
-    match quantities {
-        Quantities::VoltageDisplacement => (1e-3, ["voltage, kV", "displacement, mm"]),
-        Quantities::VoltageStretch => (1e-3, ["voltage, kV", "stretch"]),
-        Quantities::TimeStretch => (1.0, ["time, s", "stretch"]),
-        Quantities::StretchStress => (1.0, ["stretch", "nominal stress, kPa"]),
     }
 }
 
@@ -74,44 +73,6 @@ pub fn with_unit(value: f64, values: &Values) -> String {
     let (factor, unit) = unit_of(values);
     let number = with_minus(&four_digits(factor * value));
     format!("{number} {unit}").trim_end().to_owned()
-}
-
-/// Returns the figures of all files.
-///
-/// # Errors
-/// If a number is not finite.
-fn figures(compared: &[Compared], scene: &Scene) -> Result<Vec<MeasuredFigure>, FigureError> {
-    let figure = |one: &Compared| match &one.values {
-        Values::Field { points_mm, result, .. } => MeasuredFigure::Map {
-            name: one.name.clone(),
-            size_mm: scene.membrane().size_mm,
-            points_mm: points_mm.clone(),
-            differences_mm: result.residual_mm.iter().map(|[x, y]| x.hypot(*y)).collect(),
-        },
-        Values::Series {
-            quantities,
-            at,
-            measured,
-            simulated,
-        } => {
-            let ((across, labels), (up, _)) = (axes(*quantities), unit_of(&one.values));
-            let pairs = |numbers: &[f64]| -> Vec<(f64, f64)> {
-                let pairs = at.iter().zip(numbers).map(|(x, y)| (across * x, up * y));
-                let mut pairs: Vec<(f64, f64)> = pairs.collect();
-                pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
-                pairs
-            };
-            MeasuredFigure::Curve {
-                labels,
-                curve: FittedCurve {
-                    name: one.name.clone(),
-                    measured: pairs(measured),
-                    fitted: pairs(simulated),
-                },
-            }
-        }
-    };
-    Ok(compared.iter().map(figure).collect())
 }
 
 /// Warns of the notes of all files, and returns them.
@@ -139,7 +100,10 @@ pub fn write_with_figure(
     output: &Output,
 ) -> Result<Vec<String>, CliError> {
     write::file(file, bytes)?;
-    let draw = |path: &Path| measured_sheet(&figures(compared, scene)?)?.write_png(path);
+    let draw = |path: &Path| {
+        let figures = figures_of_files(&compared_files(compared), &compared_rows(compared), scene);
+        measured_sheet(&figures)?.write_png(path)
+    };
     let figure = write::drawn(file.with_extension("png"), draw, output);
     let written = std::iter::once(file.to_path_buf()).chain(figure);
     Ok(written.map(|path| path.display().to_string()).collect())
@@ -152,6 +116,7 @@ pub fn document(compared: &[Compared]) -> Value {
         let mut found = json!({
             "file": one.name,
             "points": own.points,
+            "without_equilibrium": one.without_equilibrium,
             "bias": own.bias,
             "rms": own.rms,
             "largest": own.largest.0,

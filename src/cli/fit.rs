@@ -10,37 +10,21 @@ use serde_json::{Value, json};
 use super::arguments::{integer, quantity};
 use super::text::Text;
 use super::{CliError, Exit, Output, table, write};
+use deaflow_base::Dimension;
 use deaflow_base::Node;
-use deaflow_base::{Dimension, with_minus};
 use deaflow_fem::SolveOptions;
-use deaflow_field::{Mesh, Order};
 use deaflow_fit::{
-    Candidate, Curve, CurveResiduals, Elastomer, Estimate, Fit, FitError, HistoryCurve, Law, LawKind, Options, Outlier,
-    Parameter, RelaxationFit, Sigma, Test, Verdict, ViscousLaw, compare, fit_histories,
+    Candidate, Curve, CurveResiduals, Estimate, HistoryCurve, LawKind, Outlier, Parameter, RelaxationFit, Sigma, Test,
+    Verdict,
 };
 use deaflow_report::figures::{FittedCurve, fit_sheet};
 use deaflow_scene::Scene;
 use deaflow_stage::direct;
 use deaflow_stage::measured::curve::{Measured, Noise, read};
-use deaflow_stage::measured::{MeasuredFile, Measurement, path_of, rounded, viscous_law};
-
-/// The laws that are compared without `--law`.
-const LAWS: [LawKind; 8] = [
-    LawKind::NeoHookean,
-    LawKind::Gent,
-    LawKind::Yeoh,
-    LawKind::MooneyRivlin,
-    LawKind::ArrudaBoyce,
-    LawKind::Ogden(1),
-    LawKind::Ogden(2),
-    LawKind::Ogden(3),
-];
-
-/// The most branches that are compared.
-const MOST_BRANCHES: u64 = 6;
-
-/// The largest number of outliers that are listed.
-const OUTLIERS: usize = 5;
+use deaflow_stage::measured::{
+    MOST_BRANCHES, MeasuredFile, Measurement, MeshChoice, SpecimenFit, digits, dimension_of, law_named, name_of_law,
+    path_of, unit_of,
+};
 
 /// Fit a scene to measurements of specimens and devices
 #[derive(Debug, Args)]
@@ -98,20 +82,14 @@ pub struct MeshArguments {
 /// The heading of options about the numerical method.
 const METHOD: &str = "Method";
 
-/// The relative residual of simulations, whose errors must not look like those of measurements.
-const RESIDUAL: f64 = 1e-10;
-
 impl MeshArguments {
     /// Returns mesh and tolerance.
     pub fn options(&self) -> SolveOptions {
-        let order = match self.order {
-            Some(1) => Order::Bilinear,
-            _ => Order::Biquadratic,
+        let mesh = MeshChoice {
+            elements_per_cell: self.elements_per_cell,
+            order: self.order.unwrap_or(2),
         };
-        SolveOptions {
-            mesh: Mesh::new(self.elements_per_cell.unwrap_or(1) as usize, order),
-            tolerance: RESIDUAL,
-        }
+        mesh.options()
     }
 
     /// Returns whether the mesh is chosen.
@@ -172,14 +150,7 @@ fn tests() -> String {
 }
 
 fn law(text: &str) -> Result<LawKind, String> {
-    let (name, terms) = text.split_once(':').unwrap_or((text, ""));
-    match (name, terms) {
-        ("ogden", "") => Ok(LawKind::Ogden(2)),
-        ("ogden", "1" | "2" | "3") => Ok(LawKind::Ogden(usize::from(terms.as_bytes()[0] - b'0'))),
-        (_, "") => LAWS.into_iter().find(|known| known.name() == name).ok_or(()),
-        _ => Err(()),
-    }
-    .map_err(|()| "allowed: neo-hookean, gent, yeoh, mooney-rivlin, arruda-boyce, ogden, ogden:1 to ogden:3".to_owned())
+    law_named(text).map_err(|allowed| format!("allowed: {allowed}"))
 }
 
 fn sigma(text: &str) -> Result<StatedSigma, String> {
@@ -228,12 +199,6 @@ impl FitArguments {
     }
 }
 
-/// What was fitted.
-enum Fitted {
-    Laws(Vec<Curve>, Vec<Candidate>),
-    Branches(Vec<HistoryCurve>, Vec<RelaxationFit>),
-}
-
 pub fn execute(arguments: &FitArguments, output: &Output) -> Result<Exit, CliError> {
     let lists = arguments.lists()?;
     let of_lists = lists.iter().flat_map(|(file, node)| file.paths(node));
@@ -250,7 +215,7 @@ pub fn execute(arguments: &FitArguments, output: &Output) -> Result<Exit, CliErr
     }
     let scene = direct::read_scene(&arguments.scene)?;
     let fitted = fit(arguments, &lists, &scene)?;
-    let (Some(sets), mut warnings) = (fitted.sets(&scene), fitted.warnings()) else {
+    let (Some(sets), mut warnings) = (fitted.changes(&scene), fitted.warnings()) else {
         return Err(CliError::bad_input("no law fits the curves").help(fitted.verdicts().join("; ")));
     };
     let changes = direct::Changes {
@@ -269,21 +234,21 @@ pub fn execute(arguments: &FitArguments, output: &Output) -> Result<Exit, CliErr
     warnings.iter().for_each(|warning| output.warn(warning));
     let mut files = Vec::new();
     if let Some((file, own)) = arguments.output.as_ref().zip(own.as_ref()) {
-        write::file(file, fitted.yaml(own).as_bytes())?;
+        write::file(file, yaml(&fitted, own).as_bytes())?;
         files.push(file.clone());
-        let draw = |path: &Path| fitted.draw(path);
+        let draw = |path: &Path| draw(&fitted, path);
         files.extend(write::drawn(file.with_extension("png"), draw, output));
     }
     let files: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
     let document = || {
-        let mut document = fitted.document();
+        let mut document = laws_document(&fitted);
         document["scene"] = json!(own.as_ref().map(Scene::to_text));
         document["files"] = json!(files);
         document["warnings"] = json!(warnings);
         document
     };
     output.result(document, || {
-        let mut text = fitted.text();
+        let mut text = text(&fitted);
         files.iter().for_each(|file| {
             text.line(file);
         });
@@ -292,13 +257,12 @@ pub fn execute(arguments: &FitArguments, output: &Output) -> Result<Exit, CliErr
 }
 
 /// Reads the files and fits them.
-fn fit(arguments: &FitArguments, lists: &[(MeasuredFile, Node)], scene: &Scene) -> Result<Fitted, CliError> {
+fn fit(arguments: &FitArguments, lists: &[(MeasuredFile, Node)], scene: &Scene) -> Result<SpecimenFit, CliError> {
     let noise = match (arguments.sigma, arguments.absolute) {
         (Some(StatedSigma(noise)), _) => noise,
         (None, true) => Noise::Absolute,
         (None, false) => Noise::Relative,
     };
-    let (mut curves, mut histories) = (Vec::new(), Vec::new());
     let given = arguments.files.iter().filter_map(|file| match file {
         FileArgument::Curve { test, name } => Some((name.clone(), *test, noise)),
         FileArgument::List(_) => None,
@@ -309,86 +273,15 @@ fn fit(arguments: &FitArguments, lists: &[(MeasuredFile, Node)], scene: &Scene) 
         let own = file.noise_of_stress()?.unwrap_or(noise);
         all.push((path_of(node, file.file()).display().to_string(), test, own));
     }
-    for (name, test, noise) in all {
-        match read(&name, test, noise)? {
-            Measured::Curve(curve) => curves.push(curve),
-            Measured::History(history) => histories.push(history),
-        }
-    }
-    let refused = |error: FitError| CliError::bad_input(error.to_string());
-    let options = Options::default();
-    match (curves.is_empty(), histories.is_empty()) {
-        (false, true) => {
-            let laws = match arguments.laws.is_empty() {
-                true => &LAWS[..],
-                false => &arguments.laws,
-            };
-            let found = compare(&curves, laws, &options).map_err(refused)?;
-            Ok(Fitted::Laws(curves, found))
-        }
-        (true, false) => {
-            let elastomer = elastomer(scene, &arguments.laws)?;
-            histories.iter_mut().for_each(|history| history.elastomer = elastomer);
-            let found = fit_histories(&histories, arguments.branches as usize, &options).map_err(refused)?;
-            Ok(Fitted::Branches(histories, found))
-        }
-        _ => Err(
-            CliError::bad_input("curves at equilibrium and relaxation cannot be fitted at once")
-                .help("fit the law first, then the relaxation with the fitted scene"),
-        ),
-    }
-}
-
-/// Returns the elastomer of relaxation: with the given law or that of the scene, and its viscous law.
-fn elastomer(scene: &Scene, laws: &[LawKind]) -> Result<Elastomer, CliError> {
-    let (effects, properties) = (&scene.effects, &scene.properties);
-    let own = effects
-        .strain_stiffening
-        .as_ref()
-        .or(properties.strain_stiffening.as_ref());
-    let law = match (laws, own) {
-        ([law], _) => *law,
-        ([], None) => LawKind::NeoHookean,
-        ([], Some(own)) => {
-            let known = LAWS.into_iter().find(|law| law.name() == own.word());
-            known.unwrap_or(LawKind::NeoHookean)
-        }
-        (..) => return Err(CliError::bad_input("relaxation is fitted with one law").help("name one with --law")),
-    };
-    let viscous = effects.viscoelasticity.as_ref().or(properties.viscoelasticity.as_ref());
-    Ok(Elastomer {
-        viscous: viscous_law(viscous),
-        ..Elastomer::elastic(law)
-    })
-}
-
-/// A parameter and the factor and the unit in which people read it.
-fn unit_of(name: &str) -> (f64, &'static str) {
-    let is = |starts: &[&str]| starts.iter().any(|start| name.starts_with(start));
-    if is(&["shear_modulus", "branch_modulus", "g_", "c2", "c3"]) {
-        (1e-3, " kPa")
-    } else if is(&["branch_time"]) {
-        (1.0, " s")
-    } else {
-        (1.0, "")
-    }
-}
-
-/// Returns four significant digits.
-fn digits(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return with_minus(&value.to_string()).replace("inf", "∞");
-    }
-    let decimals = 3 - value.abs().log10().floor() as i32;
-    match (-2..=9).contains(&decimals) {
-        true => with_minus(&format!("{value:.*}", decimals.max(0) as usize)),
-        false => with_minus(&format!("{value:.3e}")),
-    }
+    let measured = all.into_iter().map(|(name, test, noise)| read(&name, test, noise));
+    let measured: Vec<Measured> = measured.collect::<Result<_, _>>()?;
+    let branches = arguments.branches as usize;
+    Ok(SpecimenFit::new(measured, scene, &arguments.laws, branches)?)
 }
 
 /// Writes a parameter with its interval of 95 %.
 fn with_interval(parameter: &Parameter) -> String {
-    let (factor, unit) = unit_of(&parameter.name);
+    let (factor, unit) = unit_of(dimension_of(&parameter.name));
     let value = |value: f64| digits(factor * value);
     let interval = match parameter.profile.or(parameter.interval) {
         Some((low, high)) => format!(" ({} to {})", value(low), value(high)),
@@ -427,307 +320,163 @@ fn columns(estimate: &Estimate, sigma: &Sigma, best: f64) -> [String; 3] {
     ]
 }
 
-fn outlier(outlier: &Outlier) -> String {
+fn text(fitted: &SpecimenFit) -> Text {
+    match fitted {
+        SpecimenFit::Laws(curves, candidates) => {
+            let sigma = &curves[0].sigma;
+            let tests: Vec<Test> = candidates
+                .first()
+                .map(|found| found.left_out.iter().map(|(test, _)| *test).collect())
+                .unwrap_or_default();
+            let left_out: Vec<String> = tests.iter().map(|test| format!("without {}", test.name())).collect();
+            let header: Vec<&str> = ["law", "parameters (95 %)", "misfit", "AICc"]
+                .into_iter()
+                .chain(left_out.iter().map(String::as_str))
+                .chain(["verdict"])
+                .collect();
+            let mut table = table::table(&header, &["misfit", "AICc"]).flowing(&["parameters (95 %)", "verdict"]);
+            let best = candidates.first().map_or(0.0, Candidate::aicc);
+            for found in candidates {
+                let mut row = vec![name_of_law(found.kind)];
+                match &found.fit {
+                    Ok(fit) => row.extend(columns(&fit.estimate, sigma, best)),
+                    Err(_) => row.extend(["–", "–", "–"].map(str::to_owned)),
+                }
+                let left_out = found.left_out.iter().map(|(_, error)| *error);
+                row.extend(left_out.map(|error| error.map_or("–".to_owned(), |error| root_mean_square(error, sigma))));
+                row.push(match &found.fit {
+                    Ok(fit) => fit.verdict.to_string(),
+                    Err(error) => error.to_string(),
+                });
+                table.add_row(row);
+            }
+            let mut text = Text::of(table);
+            text.line("AICc: above the best; without: root mean square at a test after a fit to the others");
+            if let Some(fit) = fitted.chosen_law() {
+                text.line(format!("chosen: {}", name_of_law(fit.law.kind())));
+            }
+            if let Some(other) = fitted.better_left_out() {
+                let other = name_of_law(other);
+                text.line(format!(
+                    "{other} is better at tests that are left out: the curves do not decide"
+                ));
+            }
+            text
+        }
+        SpecimenFit::Branches(curves, fits) => {
+            let sigma = &curves[0].sigma;
+            let header = ["branches", "parameters (95 %)", "misfit", "AICc", "verdict"];
+            let mut table = table::table(&header, &["misfit", "AICc"]).flowing(&["parameters (95 %)", "verdict"]);
+            let best = fits.first().map_or(0.0, |fit| fit.estimate.information.aicc);
+            for fit in fits {
+                let [parameters, misfit, above] = columns(&fit.estimate, sigma, best);
+                let branches = fit.branches().to_string();
+                table.add_row([branches, parameters, misfit, above, fit.verdict.to_string()]);
+            }
+            Text::of(table)
+        }
+    }
+}
+
+fn laws_document(fitted: &SpecimenFit) -> Value {
+    match fitted {
+        SpecimenFit::Laws(_, candidates) => {
+            let law = |found: &Candidate| {
+                let mut law = match &found.fit {
+                    Ok(fit) => estimate_document(&fit.estimate, &fit.verdict, &fit.residuals, &fit.outliers),
+                    Err(error) => json!({ "error": error.to_string() }),
+                };
+                let left_out = found
+                    .left_out
+                    .iter()
+                    .map(|(test, error)| (test.name().to_owned(), json!(error)));
+                law["law"] = json!(name_of_law(found.kind));
+                law["left_out"] = Value::Object(left_out.collect());
+                law
+            };
+            json!({
+                "laws": candidates.iter().map(law).collect::<Vec<_>>(),
+                "chosen": fitted.chosen_law().map(|fit| name_of_law(fit.law.kind())),
+            })
+        }
+        SpecimenFit::Branches(_, fits) => {
+            let fit = |fit: &RelaxationFit| {
+                let mut found = estimate_document(&fit.estimate, &fit.verdict, &fit.residuals, &fit.outliers);
+                found["branches"] = json!(fit.branches());
+                found
+            };
+            json!({
+                "relaxation": fits.iter().map(fit).collect::<Vec<_>>(),
+                "chosen": fits.first().map(RelaxationFit::branches),
+            })
+        }
+    }
+}
+
+/// Returns the fitted scene, with a comment on its source.
+fn yaml(fitted: &SpecimenFit, scene: &Scene) -> String {
+    let parameters = fitted
+        .chosen()
+        .into_iter()
+        .flat_map(|(estimate, ..)| &estimate.parameters);
+    let parameters: Vec<String> = parameters.map(with_interval).collect();
+    let files: Vec<String> = match fitted {
+        SpecimenFit::Laws(curves, _) => curves
+            .iter()
+            .map(|own| format!("{} ({})", own.name, own.test.name()))
+            .collect(),
+        SpecimenFit::Branches(curves, _) => curves
+            .iter()
+            .map(|own| format!("{} ({})", own.name, own.test.name()))
+            .collect(),
+    };
     format!(
-        "{}, row {}: {} standard deviations",
-        outlier.curve,
-        outlier.row,
-        digits(outlier.deviations)
+        "# The elastomer is fitted by `deaflow fit` to {}.\n# With intervals of 95 %: {}.\n{}",
+        files.join(", "),
+        parameters.join("; "),
+        scene.to_yaml()
     )
 }
 
-impl Fitted {
-    /// The best law that is stable and has parameters of its own, if any.
-    fn chosen_law(&self) -> Option<&Fit> {
-        let Self::Laws(_, candidates) = self else { return None };
-        let usable = |fit: &&Fit| {
-            !matches!(
-                fit.verdict,
-                Verdict::Unstable(..) | Verdict::ReducesTo(_) | Verdict::NotConverged
-            )
-        };
-        candidates
-            .iter()
-            .filter_map(|found| found.fit.as_ref().ok())
-            .find(usable)
-    }
-
-    /// Returns what is known about the chosen law or branches.
-    fn chosen(&self) -> Option<(&Estimate, &Verdict, &[Outlier])> {
-        match self {
-            Self::Laws(..) => self
-                .chosen_law()
-                .map(|fit| (&fit.estimate, &fit.verdict, &fit.outliers[..])),
-            Self::Branches(_, fits) => fits.first().map(|fit| (&fit.estimate, &fit.verdict, &fit.outliers[..])),
+/// Draws the measured points and the chosen fit.
+fn draw(fitted: &SpecimenFit, path: &Path) -> Result<(), deaflow_report::figures::FigureError> {
+    const POINTS: usize = 100;
+    let between = |low: f64, high: f64| (0..=POINTS).map(move |k| low + (high - low) * k as f64 / POINTS as f64);
+    let pairs = |x: &[f64], y: &[f64]| x.iter().copied().zip(y.iter().map(|y| 1e-3 * y)).collect::<Vec<_>>();
+    let (title, label, curves): (String, &str, Vec<FittedCurve>) = match fitted {
+        SpecimenFit::Laws(curves, _) => {
+            let law = fitted.chosen_law().map(|fit| &fit.law);
+            let of = |curve: &Curve| {
+                let largest = curve.stretch.iter().copied().fold(1.0, f64::max);
+                let smallest = curve.stretch.iter().copied().fold(1.0, f64::min);
+                let fitted = between(smallest, largest)
+                    .filter_map(|stretch| Some((stretch, 1e-3 * law?.nominal_stress(curve.test, stretch)?)));
+                FittedCurve {
+                    name: format!("{} ({})", curve.name, curve.test.name()),
+                    measured: pairs(&curve.stretch, &curve.stress_pa),
+                    fitted: fitted.collect(),
+                }
+            };
+            let name = law.map_or_else(String::new, |law| name_of_law(law.kind()));
+            (name, "stretch", curves.iter().map(of).collect())
         }
-    }
-
-    /// Returns the law whose largest error at a test that is left out is the least, if it is not the chosen one.
-    fn better_left_out(&self) -> Option<LawKind> {
-        let Self::Laws(_, candidates) = self else { return None };
-        let worst = |found: &Candidate| -> Option<f64> {
-            let errors: Option<Vec<f64>> = found.left_out.iter().map(|(_, error)| *error).collect();
-            errors?.into_iter().reduce(f64::max)
-        };
-        let known = candidates.iter().filter_map(|found| Some((worst(found)?, found.kind)));
-        let (_, best) = known.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        Some(best).filter(|best| Some(*best) != self.chosen_law().map(|fit| fit.law.kind()))
-    }
-
-    /// Returns the overrides that make a scene have the fitted elastomer.
-    fn sets(&self, scene: &Scene) -> Option<Vec<String>> {
-        let section = if scene.auto { "properties" } else { "effects" };
-        let (kind, estimate) = match self {
-            Self::Laws(..) => self.chosen_law().map(|fit| (fit.law.kind(), &fit.estimate))?,
-            Self::Branches(_, fits) => fits.first().map(|fit| (fit.elastomer.law, &fit.estimate))?,
-        };
-        let values: Vec<f64> = estimate.parameters.iter().map(rounded).collect();
-        let (of_law, of_branches) = values.split_at(kind.parameters().len());
-        let law = kind.with(of_law)?;
-        let has_law = match scene.auto {
-            true => scene.properties.strain_stiffening.is_some(),
-            false => scene.effects.strain_stiffening.is_some(),
-        };
-        let stiffening = match stiffening(&law) {
-            None if !has_law => None,
-            value => Some(value.unwrap_or_else(|| "null".to_owned())),
-        };
-        // That of the other laws is their first parameter, for Arruda and Boyce not the modulus at rest.
-        let modulus = match law {
-            Law::Ogden(_) => law.modulus_at_rest()?,
-            _ => *values.first()?,
-        };
-        let branch = |pair: &[f64]| format!("{{ modulus: {} Pa, time: {} s }}", pair[0], pair[1]);
-        let branches: Vec<String> = of_branches.chunks_exact(2).map(branch).collect();
-        let viscous = match self {
-            Self::Branches(_, fits) => fits.first().map(|fit| match fit.elastomer.viscous {
-                ViscousLaw::Linear => "linear",
-                ViscousLaw::Finite => "finite",
-            }),
-            Self::Laws(..) => None,
-        };
-        let viscous = viscous.filter(|_| !branches.is_empty());
-        let viscous = viscous.map(|law| format!("{{ law: {law}, branches: [{}] }}", branches.join(", ")));
-        let all = [
-            Some(format!("material.shear_modulus={modulus} Pa")),
-            stiffening.map(|value| format!("{section}.strain_stiffening={value}")),
-            viscous.map(|value| format!("{section}.viscoelasticity={value}")),
-        ];
-        Some(all.into_iter().flatten().collect())
-    }
-
-    /// What a user should know before using the fit.
-    fn warnings(&self) -> Vec<String> {
-        let Some((_, verdict, outliers)) = self.chosen() else {
-            return Vec::new();
-        };
-        let law = self.chosen_law();
-        let mut warnings = Vec::new();
-        let own = law.iter().flat_map(|fit| &fit.warnings);
-        warnings.extend(own.map(ToString::to_string));
-        if *verdict != Verdict::Determined {
-            let name = law.map_or_else(String::new, |fit| format!("{}: ", fit.law.kind().name()));
-            warnings.push(format!("{name}{verdict}"));
-        }
-        let falling = law.iter().flat_map(|fit| &fit.stability.falling);
-        warnings.extend(falling.map(|(test, from, to)| {
-            format!(
-                "the nominal stress of a {} test falls from a stretch of {} to {}: unstable under a dead load",
-                test.name(),
-                digits(*from),
-                digits(*to)
-            )
-        }));
-        let listed = outliers.iter().take(OUTLIERS);
-        warnings.extend(listed.map(|found| format!("outlier: {}", outlier(found))));
-        if outliers.len() > OUTLIERS {
-            warnings.push(format!("{} more outliers", outliers.len() - OUTLIERS));
-        }
-        warnings
-    }
-
-    /// What was found about each law.
-    fn verdicts(&self) -> Vec<String> {
-        match self {
-            Self::Laws(_, candidates) => candidates
-                .iter()
-                .map(|found| match &found.fit {
-                    Ok(fit) => format!("{}: {}", named(found.kind), fit.verdict),
-                    Err(error) => format!("{}: {error}", named(found.kind)),
-                })
-                .collect(),
-            Self::Branches(..) => Vec::new(),
-        }
-    }
-
-    fn text(&self) -> Text {
-        match self {
-            Self::Laws(curves, candidates) => {
-                let sigma = &curves[0].sigma;
-                let tests: Vec<Test> = candidates
+        SpecimenFit::Branches(curves, fits) => {
+            let of = |curve: &HistoryCurve| {
+                let latest = curve.time_s.iter().copied().fold(0.0, f64::max);
+                let times: Vec<f64> = between(0.0, latest).collect();
+                let stresses = fits
                     .first()
-                    .map(|found| found.left_out.iter().map(|(test, _)| *test).collect())
-                    .unwrap_or_default();
-                let left_out: Vec<String> = tests.iter().map(|test| format!("without {}", test.name())).collect();
-                let header: Vec<&str> = ["law", "parameters (95 %)", "misfit", "AICc"]
-                    .into_iter()
-                    .chain(left_out.iter().map(String::as_str))
-                    .chain(["verdict"])
-                    .collect();
-                let mut table = table::table(&header, &["misfit", "AICc"]).flowing(&["parameters (95 %)", "verdict"]);
-                let best = candidates.first().map_or(0.0, Candidate::aicc);
-                for found in candidates {
-                    let mut row = vec![named(found.kind)];
-                    match &found.fit {
-                        Ok(fit) => row.extend(columns(&fit.estimate, sigma, best)),
-                        Err(_) => row.extend(["–", "–", "–"].map(str::to_owned)),
-                    }
-                    let left_out = found.left_out.iter().map(|(_, error)| *error);
-                    row.extend(
-                        left_out.map(|error| error.map_or("–".to_owned(), |error| root_mean_square(error, sigma))),
-                    );
-                    row.push(match &found.fit {
-                        Ok(fit) => fit.verdict.to_string(),
-                        Err(error) => error.to_string(),
-                    });
-                    table.add_row(row);
+                    .and_then(|fit| fit.stresses(curve.test, &curve.history, &times).ok());
+                FittedCurve {
+                    name: format!("{} ({})", curve.name, curve.test.name()),
+                    measured: pairs(&curve.time_s, &curve.stress_pa),
+                    fitted: pairs(&times, &stresses.unwrap_or_default()),
                 }
-                let mut text = Text::of(table);
-                text.line("AICc: above the best; without: root mean square at a test after a fit to the others");
-                if let Some(fit) = self.chosen_law() {
-                    text.line(format!("chosen: {}", named(fit.law.kind())));
-                }
-                if let Some(other) = self.better_left_out() {
-                    let other = named(other);
-                    text.line(format!(
-                        "{other} is better at tests that are left out: the curves do not decide"
-                    ));
-                }
-                text
-            }
-            Self::Branches(curves, fits) => {
-                let sigma = &curves[0].sigma;
-                let header = ["branches", "parameters (95 %)", "misfit", "AICc", "verdict"];
-                let mut table = table::table(&header, &["misfit", "AICc"]).flowing(&["parameters (95 %)", "verdict"]);
-                let best = fits.first().map_or(0.0, |fit| fit.estimate.information.aicc);
-                for fit in fits {
-                    let [parameters, misfit, above] = columns(&fit.estimate, sigma, best);
-                    let branches = fit.branches().to_string();
-                    table.add_row([branches, parameters, misfit, above, fit.verdict.to_string()]);
-                }
-                Text::of(table)
-            }
+            };
+            ("relaxation".to_owned(), "time, s", curves.iter().map(of).collect())
         }
-    }
-
-    fn document(&self) -> Value {
-        match self {
-            Self::Laws(_, candidates) => {
-                let law = |found: &Candidate| {
-                    let mut law = match &found.fit {
-                        Ok(fit) => estimate_document(&fit.estimate, &fit.verdict, &fit.residuals, &fit.outliers),
-                        Err(error) => json!({ "error": error.to_string() }),
-                    };
-                    let left_out = found
-                        .left_out
-                        .iter()
-                        .map(|(test, error)| (test.name().to_owned(), json!(error)));
-                    law["law"] = json!(named(found.kind));
-                    law["left_out"] = Value::Object(left_out.collect());
-                    law
-                };
-                json!({
-                    "laws": candidates.iter().map(law).collect::<Vec<_>>(),
-                    "chosen": self.chosen_law().map(|fit| named(fit.law.kind())),
-                })
-            }
-            Self::Branches(_, fits) => {
-                let fit = |fit: &RelaxationFit| {
-                    let mut found = estimate_document(&fit.estimate, &fit.verdict, &fit.residuals, &fit.outliers);
-                    found["branches"] = json!(fit.branches());
-                    found
-                };
-                json!({
-                    "relaxation": fits.iter().map(fit).collect::<Vec<_>>(),
-                    "chosen": fits.first().map(RelaxationFit::branches),
-                })
-            }
-        }
-    }
-
-    /// Returns the fitted scene, with a comment on its source.
-    fn yaml(&self, scene: &Scene) -> String {
-        let parameters = self
-            .chosen()
-            .into_iter()
-            .flat_map(|(estimate, ..)| &estimate.parameters);
-        let parameters: Vec<String> = parameters.map(with_interval).collect();
-        let files: Vec<String> = match self {
-            Self::Laws(curves, _) => curves
-                .iter()
-                .map(|own| format!("{} ({})", own.name, own.test.name()))
-                .collect(),
-            Self::Branches(curves, _) => curves
-                .iter()
-                .map(|own| format!("{} ({})", own.name, own.test.name()))
-                .collect(),
-        };
-        format!(
-            "# The elastomer is fitted by `deaflow fit` to {}.\n# With intervals of 95 %: {}.\n{}",
-            files.join(", "),
-            parameters.join("; "),
-            scene.to_yaml()
-        )
-    }
-
-    /// Draws the measured points and the chosen fit.
-    fn draw(&self, path: &Path) -> Result<(), deaflow_report::figures::FigureError> {
-        const POINTS: usize = 100;
-        let between = |low: f64, high: f64| (0..=POINTS).map(move |k| low + (high - low) * k as f64 / POINTS as f64);
-        let pairs = |x: &[f64], y: &[f64]| x.iter().copied().zip(y.iter().map(|y| 1e-3 * y)).collect::<Vec<_>>();
-        let (title, label, curves): (String, &str, Vec<FittedCurve>) = match self {
-            Self::Laws(curves, _) => {
-                let law = self.chosen_law().map(|fit| &fit.law);
-                let of = |curve: &Curve| {
-                    let largest = curve.stretch.iter().copied().fold(1.0, f64::max);
-                    let smallest = curve.stretch.iter().copied().fold(1.0, f64::min);
-                    let fitted = between(smallest, largest)
-                        .filter_map(|stretch| Some((stretch, 1e-3 * law?.nominal_stress(curve.test, stretch)?)));
-                    FittedCurve {
-                        name: format!("{} ({})", curve.name, curve.test.name()),
-                        measured: pairs(&curve.stretch, &curve.stress_pa),
-                        fitted: fitted.collect(),
-                    }
-                };
-                let name = law.map_or_else(String::new, |law| named(law.kind()));
-                (name, "stretch", curves.iter().map(of).collect())
-            }
-            Self::Branches(curves, fits) => {
-                let of = |curve: &HistoryCurve| {
-                    let latest = curve.time_s.iter().copied().fold(0.0, f64::max);
-                    let times: Vec<f64> = between(0.0, latest).collect();
-                    let stresses = fits
-                        .first()
-                        .and_then(|fit| fit.stresses(curve.test, &curve.history, &times).ok());
-                    FittedCurve {
-                        name: format!("{} ({})", curve.name, curve.test.name()),
-                        measured: pairs(&curve.time_s, &curve.stress_pa),
-                        fitted: pairs(&times, &stresses.unwrap_or_default()),
-                    }
-                };
-                ("relaxation".to_owned(), "time, s", curves.iter().map(of).collect())
-            }
-        };
-        fit_sheet(&title, [label, "nominal stress, kPa"], &curves)?.write_png(path)
-    }
-}
-
-/// Returns the name of a law with its number of terms.
-fn named(kind: LawKind) -> String {
-    match kind {
-        LawKind::Ogden(terms) => format!("ogden:{terms}"),
-        kind => kind.name().to_owned(),
-    }
+    };
+    fit_sheet(&title, [label, "nominal stress, kPa"], &curves)?.write_png(path)
 }
 
 fn estimate_document(
@@ -765,24 +514,5 @@ fn estimate_document(
             "row": own.row,
             "deviations": own.deviations,
         })).collect::<Vec<_>>(),
-    })
-}
-
-/// Returns a law as `strain_stiffening` of a scene; `None` for the base model.
-fn stiffening(law: &Law) -> Option<String> {
-    Some(match law {
-        Law::NeoHookean { .. } => return None,
-        Law::Gent { jm, .. } => format!("{{ model: gent, jm: {jm} }}"),
-        Law::Yeoh { c2, c3, .. } => format!("{{ model: yeoh, c2: {c2} Pa, c3: {c3} Pa }}"),
-        Law::MooneyRivlin { c2, .. } => format!("{{ model: mooney-rivlin, c2: {c2} Pa }}"),
-        Law::ArrudaBoyce { locking_stretch, .. } => {
-            format!("{{ model: arruda-boyce, locking_stretch: {locking_stretch} }}")
-        }
-        Law::Ogden(terms) => {
-            // A modulus with nine digits agrees with the rounded parts of the shear modulus.
-            let term = |term: &deaflow_fit::OgdenTerm| format!("{{ mu: {:.8e} Pa, alpha: {} }}", term.mu(), term.alpha);
-            let terms: Vec<String> = terms.iter().map(term).collect();
-            format!("{{ model: ogden, terms: [{}] }}", terms.join(", "))
-        }
     })
 }

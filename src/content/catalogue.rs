@@ -2,8 +2,9 @@
 
 use super::declared::Declared;
 use super::{
-    Accuracy, ArtifactKind, Audit, Balanced, Calibration, Designs, Evaluation, FrequencyResponses, Histories,
-    LoadPaths, Samples, Solutions, SolveFile, Table, Training, Verification, Vibrations,
+    Accuracy, ArtifactKind, Audit, Balanced, Calibration, Comparison, Designs, Evaluation, FittedScene,
+    FrequencyResponses, Histories, LoadPaths, Measurements, Samples, Solutions, SolveFile, Table, Training,
+    Verification, Vibrations,
 };
 
 /// The content of a kind of artifact or file.
@@ -38,6 +39,9 @@ pub fn catalogue() -> Vec<ContentOfKind> {
         ArtifactKind::Train.name() => Training,
         ArtifactKind::Calibrate.name() => Calibration,
         ArtifactKind::Evaluate.name() => Evaluation,
+        ArtifactKind::Measure.name() => Measurements,
+        ArtifactKind::Fit.name() => FittedScene,
+        ArtifactKind::Compare.name() => Comparison,
         ArtifactKind::Design.name() => Designs,
         ArtifactKind::Verify.name() => Verification,
         ArtifactKind::Accuracy.name() => Accuracy,

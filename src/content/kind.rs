@@ -22,6 +22,12 @@ words! {
         Calibrate = "calibrate",
         /// An evaluation of networks.
         Evaluate = "evaluate",
+        /// Measurements from files.
+        Measure = "measure",
+        /// A scene that was fitted to measurements.
+        Fit = "fit",
+        /// Measured beside simulated numbers.
+        Compare = "compare",
         /// Designs.
         Design = "design",
         /// Simulated designs.

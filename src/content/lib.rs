@@ -26,6 +26,7 @@ mod intervals;
 mod kind;
 mod labelled;
 mod load_paths;
+mod measured;
 mod observations;
 mod patterns;
 mod samples;
@@ -59,6 +60,10 @@ pub use intervals::{DesignInterval, DesignIntervals, ObjectiveIntervals, Predict
 pub use kind::ArtifactKind;
 pub use labelled::Labelled;
 pub use load_paths::LoadPaths;
+pub use measured::{
+    ComparedEffects, ComparedFiles, ComparedFilesView, ComparedRows, ComparedRowsView, Comparison, FitCandidates,
+    FittedParameters, FittedParametersView, FittedScene, MeasuredFiles, MeasuredRows, Measurements,
+};
 pub use observations::{Meshes, NO_STATE, Observations};
 pub use part::LongTexts;
 pub use patterns::named_patterns;

@@ -2,19 +2,29 @@
 
 mod columns;
 mod compare;
+mod content;
 pub mod curve;
+mod described;
 mod device;
 mod field;
 mod file;
 mod free;
 mod joint;
+mod laws;
+mod mesh;
 mod orientation;
+mod table;
 
 pub use compare::{Agreement, Compared, Quantities, Values, WithEffect, compare, compare_all, with_neglected_effects};
+pub use content::{compared_files, compared_rows};
+pub use described::{digits, dimension_of, outlier, unit_of, with_interval};
 pub use device::{Device, viscous_law};
 pub use file::{MeasuredFile, Measurement, path_of};
 pub use free::{FreeKey, VOLTAGE_OFFSET};
-pub use joint::{Data, MeasuredSet, SETTLED, SceneFit, fit_scene, read_sets, rounded};
+pub use joint::{Data, MeasuredSet, SceneFit, fit_scene, read_sets};
+pub use laws::{LAWS, MOST_BRANCHES, SpecimenFit, law_named, name_of_law};
+pub use mesh::MeshChoice;
+pub use table::MeasuredTable;
 
 #[cfg(test)]
 mod tests;

@@ -1,13 +1,14 @@
 //! The table of all kinds of stages.
 
 use crate::{
-    accuracy, audit, balance, calibrate, design, evaluate, import, patterns, sample, scene, solve, table, train, verify,
+    accuracy, audit, balance, calibrate, compare, design, evaluate, fit, import, measure, patterns, sample, scene,
+    solve, table, train, verify,
 };
 use deaflow_orchestrator::{Kind, MOST_STAGES, Registry};
 use deaflow_scene::Scene;
 
 /// The kinds whose results a table may collect: all others.
-static COLLECTED: [&dyn Kind; 12] = [
+static COLLECTED: [&dyn Kind; 15] = [
     &sample::SampleKind,
     &patterns::PatternsKind,
     &solve::SolveKind,
@@ -20,6 +21,9 @@ static COLLECTED: [&dyn Kind; 12] = [
     &audit::AuditKind,
     &calibrate::CalibrateKind,
     &evaluate::EvaluateKind,
+    &measure::MeasureKind,
+    &fit::FitKind,
+    &compare::CompareKind,
 ];
 
 static TABLE: table::TableKind = table::TableKind { collected: &COLLECTED };

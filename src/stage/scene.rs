@@ -1,6 +1,6 @@
 //! Reads and checks the scenes of stages.
 
-use deaflow_base::{Fields, InputError, Node, Schema};
+use deaflow_base::{Canonical, Fields, InputError, Node, Schema};
 use deaflow_content::StoredAttribute;
 use deaflow_dataset::Device;
 use deaflow_fem::effects::Model;
@@ -66,6 +66,15 @@ pub fn read_in_state(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputE
                 names.join(", ")
             ))),
     }
+}
+
+/// Adds a scene to the canonical parameters of a stage.
+pub fn with_scene(parameters: Canonical, scene: &Scene) -> Canonical {
+    let own = match parameters {
+        Canonical::Map(own) => own,
+        other => [("parameters".to_owned(), other)].into(),
+    };
+    Canonical::map(own.into_iter().chain([("scene".to_owned(), scene.canonical())]))
 }
 
 /// Returns the device of a scene as datasets describe it.

@@ -63,6 +63,11 @@ fn the_page_on_fitting_is_true() {
 }
 
 #[test]
+fn the_page_from_tables_to_a_design_is_true() {
+    run("docs/bench.md");
+}
+
+#[test]
 fn the_page_on_coming_from_other_programs_is_true() {
     run("docs/coming-from.md");
 }

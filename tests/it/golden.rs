@@ -32,10 +32,13 @@ const JUDGED: [&str; 8] = [
 ];
 
 /// Stages that read files of a person.
-const OWN: [&str; 3] = [
+const OWN: [&str; 6] = [
     "stages.own={ kind: patterns, files: [own.csv] }",
     "stages.beside={ kind: verify, needs: [climbed, own], elements_per_cell: 1 }",
     "stages.labels={ kind: import, files: [labels.csv] }",
+    "stages.pulled={ kind: measure, files: [{ file: pulled.csv, test: uniaxial, sigma: 3 % }] }",
+    "stages.fitted={ kind: fit, needs: [pulled], laws: [neo-hookean] }",
+    "stages.compared={ kind: compare, needs: [pulled, fitted] }",
 ];
 
 /// A pattern with a field, as an import stage reads it.
@@ -129,6 +132,10 @@ fn an_output_changes_only_with_its_recipe() {
     arguments.extend(["--set", CLIMBED]);
     workspace.write("own.csv", &csv(|x, y| x < 20 && y > 3));
     workspace.write("labels.csv", &labels());
+    workspace.write(
+        "pulled.csv",
+        "stretch,nominal_stress_kPa\n1.2,22.5\n1.5,47.8\n2,79.0\n2.5,105.9\n3,129.1\n",
+    );
     OWN.iter().for_each(|stage| arguments.extend(["--set", stage]));
     let digests = workspace.stages(&arguments).digests();
     let artifacts = files(&workspace.path("store/objects"));
@@ -155,6 +162,9 @@ fn an_output_changes_only_with_its_recipe() {
         "own",
         "beside",
         "labels",
+        "pulled",
+        "fitted",
+        "compared",
     ] {
         let path = artifacts
             .iter()

@@ -2,16 +2,16 @@
 
 use serde_json::{Value, json};
 
-use super::{FitArguments, digits, estimate_document, outlier};
+use super::{FitArguments, estimate_document};
 use crate::compared::{notes, summary, write_with_figure};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, table};
-use deaflow_base::{Dimension, Node, listed};
-use deaflow_fit::{CurveResiduals, Parameter, Verdict, Warning};
+use deaflow_base::{Node, listed};
+use deaflow_fit::{CurveResiduals, Parameter, Verdict};
 use deaflow_stage::direct;
 use deaflow_stage::measured::{
-    Compared, Device, FreeKey, MeasuredFile, MeasuredSet, SETTLED, SceneFit, VOLTAGE_OFFSET, compare_all, fit_scene,
-    read_sets,
+    Compared, Device, FreeKey, MeasuredFile, MeasuredSet, SceneFit, compare_all, digits, fit_scene, read_sets,
+    with_interval,
 };
 
 /// Fits a scene to the files of lists.
@@ -28,7 +28,7 @@ pub fn execute(arguments: &FitArguments, files: &[(MeasuredFile, Node)], output:
     let values = found.values();
     let device = found.mesh.map_or_else(|| device.clone(), |mesh| device.on(mesh));
     let (compared, _) = compare_all(&device, &sets, &values, false)?;
-    let warnings = warnings(&found, &device)?;
+    let warnings = found.warnings(&device)?;
     warnings.iter().for_each(|warning| output.warn(warning));
     let written = match &arguments.output {
         Some(file) => {
@@ -50,33 +50,6 @@ pub fn execute(arguments: &FitArguments, files: &[(MeasuredFile, Node)], output:
         });
         text
     })
-}
-
-/// The factor and the unit in which people read a quantity.
-fn unit_of(dimension: Dimension) -> (f64, String) {
-    match dimension {
-        Dimension::Stress => (1e-3, " kPa".to_owned()),
-        Dimension::Voltage => (1e-3, " kV".to_owned()),
-        Dimension::Number => (1.0, String::new()),
-        other => (1.0, format!(" {}", other.base_unit())),
-    }
-}
-
-fn with_interval(parameter: &Parameter, key: &FreeKey, converged: bool) -> [String; 2] {
-    let (factor, unit) = unit_of(key.dimension);
-    let value = |value: f64| digits(factor * value);
-    let known = |(low, high): &(f64, f64)| !low.is_nan() && !high.is_nan();
-    let interval = match parameter
-        .profile
-        .or(parameter.interval)
-        .filter(known)
-        .filter(|_| converged)
-    {
-        Some((low, high)) => format!("{} to {}{unit}", value(low), value(high)),
-        None if parameter.at_bound => "at its bound".to_owned(),
-        None => "unknown".to_owned(),
-    };
-    [format!("{}{unit}", value(parameter.value)), interval]
 }
 
 fn pairs<'a>(found: &'a SceneFit, keys: &'a [FreeKey]) -> impl Iterator<Item = (&'a Parameter, &'a FreeKey)> {
@@ -106,63 +79,6 @@ fn text(found: &SceneFit, device: &Device, compared: &[Compared]) -> Text {
         text.line(format!("mesh: {mesh}{shift}"));
     }
     text
-}
-
-/// What a user should know before using the fit.
-fn warnings(found: &SceneFit, device: &Device) -> Result<Vec<String>, CliError> {
-    const OUTLIERS: usize = 5;
-    let (fit, keys) = (&found.fit, device.keys());
-    // The reader has counted rows that were left out.
-    let own = fit
-        .warnings
-        .iter()
-        .filter(|warning| !matches!(warning, Warning::Dropped { .. }));
-    let mut warnings: Vec<String> = own.map(ToString::to_string).collect();
-    let values = found.values();
-    if let Some(other) = device.other_effects(&values)? {
-        let named = |effects: &[String]| {
-            if effects.is_empty() {
-                "none".to_owned()
-            } else {
-                listed(effects)
-            }
-        };
-        warnings.push(format!(
-            "`effects: auto` was decided at the first values of the parameters ({}); at the fitted values it is: {}. \
-             Fit again from a scene with these values",
-            named(device.effects()),
-            named(&other)
-        ));
-    }
-    for (_, key) in pairs(found, keys).filter(|(parameter, _)| parameter.at_bound) {
-        warnings.push(format!("{} is at its bound: its value says nothing", key.path));
-    }
-    if let Some(shift) = found.shift.filter(|shift| *shift > SETTLED) {
-        warnings.push(format!(
-            "the finest mesh still changes the parameters by {} standard errors: use --order 2, or more \
-             --elements-per-cell",
-            digits(shift)
-        ));
-    }
-    if fit.verdict != Verdict::Determined {
-        warnings.push(fit.verdict.to_string());
-    }
-    warnings.extend(
-        fit.outliers
-            .iter()
-            .take(OUTLIERS)
-            .map(|found| format!("outlier: {}", outlier(found))),
-    );
-    if fit.outliers.len() > OUTLIERS {
-        warnings.push(format!("{} more outliers", fit.outliers.len() - OUTLIERS));
-    }
-    if let Some((parameter, key)) = pairs(found, keys).find(|(_, key)| key.path == VOLTAGE_OFFSET) {
-        let [value, _] = with_interval(parameter, key, true);
-        warnings.push(format!(
-            "the scene has no offset: add {value} to the voltages of the supply, as in compare --voltage-offset"
-        ));
-    }
-    Ok(warnings)
 }
 
 /// Returns the fitted scene, with a comment on its source.

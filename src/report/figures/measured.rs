@@ -22,15 +22,17 @@ pub enum MeasuredFigure {
         size_mm: [f64; 2],
         /// Points on it in mm.
         points_mm: Vec<[f64; 2]>,
-        /// The distance between measured and simulated displacement at each point, in mm.
-        differences_mm: Vec<f64>,
+        /// A length at each point, in mm.
+        lengths_mm: Vec<f64>,
+        /// What the lengths are.
+        note: &'static str,
     },
 }
 
 /// The longer side of a map in pixels.
 const SIDE: f64 = 360.0;
 
-/// The colours of differences, each for a quarter of the largest.
+/// The colours of lengths, each for a quarter of the largest.
 const COLOURS: [Colour; 4] = [Colour::Sky, Colour::Blue, Colour::Orange, Colour::Vermillion];
 
 /// Draws a chart for each of them, two in a row.
@@ -38,11 +40,19 @@ const COLOURS: [Colour; 4] = [Colour::Sky, Colour::Blue, Colour::Orange, Colour:
 /// # Errors
 /// If there is none, one has no point, or a number is not finite.
 pub fn measured_sheet(figures: &[MeasuredFigure]) -> Result<Sheet, FigureError> {
-    let charts: Vec<Chart> = figures.iter().map(of_figure).collect::<Result<_, _>>()?;
+    let charts = measured_charts(figures)?;
     match charts.is_empty() {
         true => Err(FigureError::Data("there is nothing to draw".into())),
         false => Ok(Sheet::charts(charts.len().min(2), &charts)),
     }
+}
+
+/// Draws a chart for each of them.
+///
+/// # Errors
+/// If one has no point, or a number is not finite.
+pub fn measured_charts(figures: &[MeasuredFigure]) -> Result<Vec<Chart>, FigureError> {
+    figures.iter().map(of_figure).collect()
 }
 
 fn of_figure(figure: &MeasuredFigure) -> Result<Chart, FigureError> {
@@ -58,26 +68,24 @@ fn of_figure(figure: &MeasuredFigure) -> Result<Chart, FigureError> {
             name,
             size_mm,
             points_mm,
-            differences_mm,
-        } => map(name, *size_mm, points_mm, differences_mm),
+            lengths_mm,
+            note,
+        } => Ok(map(name, *size_mm, points_mm, lengths_mm)?.with_note(*note)),
     }
 }
 
-fn map(name: &str, size_mm: [f64; 2], points_mm: &[[f64; 2]], differences_mm: &[f64]) -> Result<Chart, FigureError> {
-    let largest = differences_mm.iter().copied().fold(0.0, f64::max);
-    if points_mm.is_empty() || differences_mm.iter().any(|d| !d.is_finite()) {
+fn map(name: &str, size_mm: [f64; 2], points_mm: &[[f64; 2]], lengths_mm: &[f64]) -> Result<Chart, FigureError> {
+    let largest = lengths_mm.iter().copied().fold(0.0, f64::max);
+    if points_mm.is_empty() || lengths_mm.iter().any(|d| !d.is_finite()) {
         return Err(FigureError::Data("a map needs points with finite numbers".into()));
     }
     let quarters = COLOURS.len() as f64;
-    let quarter = |difference: f64| match largest > 0.0 {
-        true => ((quarters * difference / largest) as usize).min(COLOURS.len() - 1),
+    let quarter = |length: f64| match largest > 0.0 {
+        true => ((quarters * length / largest) as usize).min(COLOURS.len() - 1),
         false => 0,
     };
     let series = COLOURS.into_iter().enumerate().map(|(number, colour)| {
-        let own = points_mm
-            .iter()
-            .zip(differences_mm)
-            .filter(|(_, d)| quarter(**d) == number);
+        let own = points_mm.iter().zip(lengths_mm).filter(|(_, d)| quarter(**d) == number);
         let upper = largest * (number + 1) as f64 / quarters;
         let label = format!("up to {} mm", four_digits(upper));
         Series::new(&label, colour, Mark::Cloud, own.map(|([x, y], _)| (*x, *y)).collect())
@@ -87,6 +95,6 @@ fn map(name: &str, size_mm: [f64; 2], points_mm: &[[f64; 2]], differences_mm: &[
         Axis::linear("y, mm", 0.0, size_mm[1]),
     ];
     let scale = SIDE / size_mm[0].max(size_mm[1]);
-    let chart = Chart::new(name, axes, series.collect()).with_note("distance of measured and simulated displacement");
+    let chart = Chart::new(name, axes, series.collect());
     Ok(chart.with_frame(size_mm.map(|side| scale * side)))
 }

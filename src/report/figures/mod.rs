@@ -33,7 +33,7 @@ pub use evolution::{Evolution, evolution_sheet};
 pub use fit::{FittedCurve, fit_sheet};
 pub use histogram::Histogram;
 pub use history::{Motion, histories_sheet};
-pub use measured::{MeasuredFigure, measured_sheet};
+pub use measured::{MeasuredFigure, measured_charts, measured_sheet};
 pub use membrane::membrane_sheet;
 pub use path::{Branch, Limit, paths_sheet};
 pub use response::{Response, responses_sheet};

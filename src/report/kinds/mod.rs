@@ -3,8 +3,11 @@
 pub mod accuracy;
 pub mod audit;
 pub mod balance;
+pub mod compare;
 pub mod design;
 pub mod evaluate;
+pub mod fit;
+pub mod measure;
 pub mod solve;
 pub mod table;
 pub mod train;
@@ -20,6 +23,9 @@ pub const PRESENTERS: &[&dyn Presenter] = &[
     &design::DesignPresenter,
     &verify::VerifyPresenter,
     &train::TrainPresenter,
+    &compare::ComparePresenter,
+    &fit::FitPresenter,
+    &measure::MeasurePresenter,
     &audit::AuditPresenter,
     &balance::BalancePresenter,
     &solve::SolvePresenter(SOLVED[0]),
@@ -30,7 +36,8 @@ pub const PRESENTERS: &[&dyn Presenter] = &[
 
 /// The order of the sections of a page; other kinds come last.
 const PAGE_ORDER: &[&str] = &[
-    "table", "verify", "design", "audit", "balance", "solve", "import", "train", "evaluate",
+    "table", "verify", "design", "compare", "fit", "measure", "audit", "balance", "solve", "import", "train",
+    "evaluate",
 ];
 
 /// Returns all presenters in the order of their sections.
@@ -61,6 +68,6 @@ mod tests {
         assert_eq!(kinds.len(), PRESENTERS.len());
         assert!(PAGE_ORDER.iter().all(|kind| kinds.contains(kind)));
         assert_eq!(by_section()[0].kind(), "table");
-        assert_eq!(by_section()[9].kind(), "accuracy");
+        assert_eq!(by_section()[12].kind(), "accuracy");
     }
 }

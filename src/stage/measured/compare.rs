@@ -5,7 +5,7 @@ use super::joint::{Data, FINEST, MeasuredSet};
 use deaflow_base::InputError;
 use deaflow_fem::screening::resolve;
 use deaflow_field::Mesh;
-use deaflow_fit::{Curve, ImageResult, Motion, Sigma, simulate};
+use deaflow_fit::{Curve, DataSet, ImageResult, Motion, SheetCurve, Sigma, simulate};
 use deaflow_scene::Scene;
 use deaflow_scene::effects::{Effects, On, names};
 
@@ -45,6 +45,8 @@ pub enum Values {
     Series {
         /// What they are.
         quantities: Quantities,
+        /// The row of each number, from 1.
+        rows: Vec<usize>,
         /// What they are measured against.
         at: Vec<f64>,
         /// The measured numbers.
@@ -65,6 +67,8 @@ pub enum Quantities {
     TimeStretch,
     /// A nominal stress in Pa against the stretch.
     StretchStress,
+    /// A nominal stress in Pa against the time in s.
+    TimeStress,
 }
 
 /// A file of measurements beside the simulation.
@@ -76,6 +80,42 @@ pub struct Compared {
     pub agreement: Agreement,
     /// The numbers.
     pub values: Values,
+    /// The rows from 1 at which the simulation has no stable equilibrium; they are not compared.
+    pub without_equilibrium: Vec<usize>,
+}
+
+impl Compared {
+    /// Compares numbers that are measured against others. Rows without a simulated number are left out.
+    pub(super) fn series(
+        name: &str,
+        quantities: Quantities,
+        (at, measured, simulated): (&[f64], &[f64], Vec<Option<f64>>),
+        sigma: &Sigma,
+    ) -> Self {
+        let kept: Vec<usize> = (0..simulated.len()).filter(|row| simulated[*row].is_some()).collect();
+        let of = |all: &[f64]| -> Vec<f64> { kept.iter().map(|row| all[*row]).collect() };
+        let (at, measured) = (of(at), of(measured));
+        let sigma = match sigma {
+            Sigma::Stated(all) => Sigma::Stated(of(all)),
+            other => other.clone(),
+        };
+        let without_equilibrium = (1..=simulated.len()).filter(|row| simulated[row - 1].is_none());
+        let without_equilibrium = without_equilibrium.collect();
+        let simulated: Vec<f64> = simulated.into_iter().flatten().collect();
+        let rows: Vec<usize> = kept.iter().map(|row| row + 1).collect();
+        Self {
+            name: name.to_owned(),
+            agreement: Agreement::new(&rows, &measured, &simulated, &sigma),
+            values: Values::Series {
+                quantities,
+                rows,
+                at,
+                measured,
+                simulated,
+            },
+            without_equilibrium,
+        }
+    }
 }
 
 /// Root mean squares that differ by less than this share on two meshes do not depend on the mesh.
@@ -118,11 +158,24 @@ pub fn compare_all(
 /// When there is no stable equilibrium, or the law has no stress at a stretch.
 pub fn compare(device: &Device, set: &MeasuredSet, values: &[f64]) -> Result<Compared, InputError> {
     let refused = |why: String| InputError::new(format!("{}: {why}", set.name));
-    let simulated = set
-        .simulate(device, values)
-        .map_err(|why| refused(format!("no equilibrium {why}")))?;
-    let (agreement, values) = match &set.data {
+    let series = |quantities, numbers: (&[f64], &[f64], Vec<Result<f64, String>>), sigma: &Sigma| {
+        let (at, measured, simulated) = numbers;
+        // Without any number there is nothing to compare.
+        if let Some(Err(why)) = simulated.iter().find(|_| simulated.iter().all(Result::is_err)) {
+            return Err(refused(format!("no equilibrium {why}")));
+        }
+        let simulated = simulated.into_iter().map(Result::ok).collect();
+        Ok(Compared::series(
+            &set.name,
+            quantities,
+            (at, measured, simulated),
+            sigma,
+        ))
+    };
+    match &set.data {
         Data::Field(own) => {
+            let simulated = set.simulate(device, values);
+            let simulated = simulated.map_err(|why| refused(format!("no equilibrium {why}")))?;
             let simulated_mm: Vec<[f64; 2]> = simulated.values.chunks_exact(2).map(|u| [u[0], u[1]]).collect();
             let result = own
                 .image()
@@ -137,38 +190,61 @@ pub fn compare(device: &Device, set: &MeasuredSet, values: &[f64]) -> Result<Com
                 r_squared: r_squared_of_field(&simulated_mm, &result.residual_mm),
                 chi2_per_dof: found.chi2_per_dof,
             };
-            let values = Values::Field {
-                points_mm: own.image().points().to_vec(),
-                rows: own.image().rows().to_vec(),
-                simulated_mm,
-                result: Box::new(result),
-            };
-            (agreement, values)
+            Ok(Compared {
+                name: set.name.clone(),
+                agreement,
+                values: Values::Field {
+                    points_mm: own.image().points().to_vec(),
+                    rows: own.image().rows().to_vec(),
+                    simulated_mm,
+                    result: Box::new(result),
+                },
+                without_equilibrium: Vec::new(),
+            })
         }
         Data::Series(own) => {
             let at: Vec<f64> = own.loads.iter().filter_map(|load| load.voltage_v).collect();
-            let numbers = (&at[..], &own.measured_mm[..], simulated.values);
+            let numbers = (&at[..], &own.measured_mm[..], own.simulate_each(device, values));
             series(Quantities::VoltageDisplacement, numbers, &own.sigma)
         }
         Data::Curve(curve) => {
             let simulated = stresses(device, curve, values).map_err(|error| refused(error.to_string()))?;
+            let simulated = simulated.into_iter().map(Ok).collect();
             let numbers = (&curve.stretch[..], &curve.stress_pa[..], simulated);
             series(Quantities::StretchStress, numbers, &curve.sigma)
         }
         Data::Sheet(curve) => {
-            let numbers = (&curve.voltage_v[..], &curve.stretch[..], of_sheet(device, set, values)?);
-            series(Quantities::VoltageStretch, numbers, &curve.sigma)
+            let (elastomer, known) = device.elastomer(values)?;
+            // A sheet has an equilibrium at each voltage of its own.
+            let at = |row: usize| {
+                let one = SheetCurve {
+                    law: elastomer.law,
+                    voltage_v: vec![curve.voltage_v[row]],
+                    stretch: vec![curve.stretch[row]],
+                    sigma: Sigma::UnstatedAbsolute,
+                    ..curve.clone()
+                };
+                let found = simulate(&DataSet::Sheet(one), &known);
+                let found = found.map_err(|error| error.to_string())?;
+                found.first().copied().ok_or_else(|| "at a row".to_owned())
+            };
+            let simulated = (0..curve.stretch.len()).map(at).collect();
+            series(
+                Quantities::VoltageStretch,
+                (&curve.voltage_v[..], &curve.stretch[..], simulated),
+                &curve.sigma,
+            )
         }
         Data::Creep(curve) => {
-            let numbers = (&curve.time_s[..], &curve.stretch[..], of_sheet(device, set, values)?);
+            let (elastomer, known) = device.elastomer(values)?;
+            let data = set.of_elastomer(elastomer);
+            let simulated = data.map_or(Ok(Vec::new()), |data| simulate(&data, &known));
+            let simulated = simulated.map_err(|error| refused(error.to_string()))?;
+            let simulated = simulated.into_iter().map(Ok).collect();
+            let numbers = (&curve.time_s[..], &curve.stretch[..], simulated);
             series(Quantities::TimeStretch, numbers, &curve.sigma)
         }
-    };
-    Ok(Compared {
-        name: set.name.clone(),
-        agreement,
-        values,
-    })
+    }
 }
 
 /// A neglected effect, and how a simulation with it would agree.
@@ -193,11 +269,22 @@ pub fn with_neglected_effects(
 ) -> Result<Vec<WithEffect>, InputError> {
     let scene = resolve(scene).map_err(|error| InputError::new(error.to_string()))?;
     let keys: Vec<String> = device.keys().iter().map(|key| key.path.clone()).collect();
+    let compared = |device: &Device| -> Result<Vec<Compared>, InputError> {
+        sets.iter().map(|set| compare(device, set, values)).collect()
+    };
+    let without = compared(device)?;
     let agreements = |effects: Effects| -> Result<Vec<Agreement>, InputError> {
-        let device = Device::new(&scene.with_effects(effects), &keys, device.options())?;
-        sets.iter()
-            .map(|set| compare(&device, set, values).map(|found| found.agreement))
-            .collect()
+        let found = compared(&Device::new(&scene.with_effects(effects), &keys, device.options())?)?;
+        // Agreements over other rows say nothing about the effect.
+        let mut pairs = found.iter().zip(&without);
+        match pairs.find(|(own, other)| own.without_equilibrium != other.without_equilibrium) {
+            Some((own, _)) => Err(InputError::new(format!(
+                "{}: no equilibrium at {} of its rows",
+                own.name,
+                own.without_equilibrium.len()
+            ))),
+            None => Ok(found.into_iter().map(|own| own.agreement).collect()),
+        }
     };
     let of = |(effect, effects)| WithEffect {
         effect,
@@ -257,30 +344,6 @@ fn stresses(device: &Device, curve: &Curve, values: &[f64]) -> Result<Vec<f64>, 
     curve.stretch.iter().enumerate().map(at).collect()
 }
 
-/// Returns the simulated stretches of a sheet.
-fn of_sheet(device: &Device, set: &MeasuredSet, values: &[f64]) -> Result<Vec<f64>, InputError> {
-    let (elastomer, known) = device.elastomer(values)?;
-    let data = set.of_elastomer(elastomer);
-    let simulated = data.map_or(Ok(Vec::new()), |data| simulate(&data, &known));
-    simulated.map_err(|error| InputError::new(error.to_string()))
-}
-
-/// Compares numbers that are measured against others.
-fn series(
-    quantities: Quantities,
-    (at, measured, simulated): (&[f64], &[f64], Vec<f64>),
-    sigma: &Sigma,
-) -> (Agreement, Values) {
-    let agreement = Agreement::new(measured, &simulated, sigma);
-    let values = Values::Series {
-        quantities,
-        at: at.to_vec(),
-        measured: measured.to_vec(),
-        simulated,
-    };
-    (agreement, values)
-}
-
 /// Returns R²; `None` if the measured numbers do not differ.
 fn share_explained(squares: f64, spread: f64) -> Option<f64> {
     (spread > 0.0).then(|| 1.0 - squares / spread).filter(|r| r.is_finite())
@@ -302,7 +365,7 @@ fn r_squared_of_field(simulated_mm: &[[f64; 2]], differences_mm: &[[f64; 2]]) ->
 }
 
 impl Agreement {
-    fn new(measured: &[f64], simulated: &[f64], sigma: &Sigma) -> Self {
+    fn new(rows: &[usize], measured: &[f64], simulated: &[f64], sigma: &Sigma) -> Self {
         let points = measured.len();
         let differences: Vec<f64> = measured.iter().zip(simulated).map(|(m, s)| m - s).collect();
         let count = points as f64;
@@ -310,10 +373,10 @@ impl Agreement {
         let squares: f64 = differences.iter().map(|d| d * d).sum();
         let spread: f64 = measured.iter().map(|m| (m - mean).powi(2)).sum();
         let largest =
-            differences.iter().enumerate().fold(
+            differences.iter().zip(rows).fold(
                 (0.0, 1),
-                |most: (f64, usize), (row, d)| {
-                    if d.abs() > most.0.abs() { (*d, row + 1) } else { most }
+                |most: (f64, usize), (d, row)| {
+                    if d.abs() > most.0.abs() { (*d, *row) } else { most }
                 },
             );
         let sigmas: Option<Vec<f64>> = match sigma {

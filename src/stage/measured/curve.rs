@@ -101,31 +101,49 @@ pub fn read(name: &str, test: Test, noise: Noise) -> Result<Measured, InputError
             sigma,
         }));
     }
-    let Some(first) = stretch.first().copied() else {
+    if stretch.is_empty() {
         return Err(refused("the file has no rows"));
-    };
+    }
     if let Some(row) = (1..time_s.len()).find(|row| time_s[*row] < time_s[*row - 1]) {
         return Err(refused(&format!(
             "row {}: the time is before that of the row above",
             row + 1
         )));
     }
-    // The specimen is at rest until time 0.
+    Ok(Measured::History(history(
+        &name,
+        test,
+        (time_s, stretch),
+        stress_pa,
+        sigma,
+    )))
+}
+
+/// Returns stresses along the stretches of a specimen that is at rest until time 0: a sudden step if all stretches are
+/// equal.
+pub(super) fn history(
+    name: &str,
+    test: Test,
+    (time_s, stretch): (Vec<f64>, Vec<f64>),
+    stress_pa: Vec<f64>,
+    sigma: Sigma,
+) -> HistoryCurve {
+    let first = stretch.first().copied().unwrap_or(1.0);
     let history = match stretch.iter().all(|other| (other - first).abs() <= 1e-6 * first) {
         true => vec![(0.0, 1.0), (0.0, first)],
         false => std::iter::once((0.0, 1.0))
             .chain(time_s.iter().copied().zip(stretch))
             .collect(),
     };
-    Ok(Measured::History(HistoryCurve {
-        name,
+    HistoryCurve {
+        name: name.to_owned(),
         elastomer: Elastomer::elastic(LawKind::NeoHookean),
         test,
         history,
         time_s,
         stress_pa,
         sigma,
-    }))
+    }
 }
 
 const COLUMNS: &str = "a file needs the columns `stretch` (or `strain`, `strain_%`) and `nominal_stress_kPa` (or \

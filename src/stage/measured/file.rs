@@ -8,7 +8,7 @@ use deaflow_base::{
     Angle, Canonical, Declared, Dimension, Document, Force, InputError, Length, Map, Node, NodeValue, Parameter,
     Quantity, Schema, Stress, Voltage, parameters, words,
 };
-use deaflow_fit::{Load, Test};
+use deaflow_fit::Test;
 use deaflow_scene::Position;
 
 /// The largest voltage in V.
@@ -327,19 +327,6 @@ impl MeasuredFile {
         })
     }
 
-    /// Returns the load of a sheet that is held at a prestretch without a given one.
-    #[must_use]
-    pub fn sheet_load(&self, prestretch: f64) -> Load {
-        match (&self.load, &self.force, &self.width) {
-            (Some(stress), ..) => Load::Stress(stress.value()),
-            (None, Some(force), Some(width)) => Load::Force {
-                force_n: force.value(),
-                width_m: 1e-3 * width.value(),
-            },
-            _ => Load::Prestretch(prestretch),
-        }
-    }
-
     /// Reads the list `files` of a document.
     ///
     /// # Errors
@@ -352,7 +339,14 @@ impl MeasuredFile {
                 .help("write `files:` above it"));
         }
         let map = root.fields("a list of measurements", &["files"])?;
-        let node = map.required("a list of measurements", "files")?;
+        Self::list(map.required("a list of measurements", "files")?)
+    }
+
+    /// Reads the entries of a list.
+    ///
+    /// # Errors
+    /// When there is none, or one is not valid.
+    pub fn list(node: &Node) -> Result<Vec<(Self, Node)>, InputError> {
         let files = node.list("files")?;
         if files.is_empty() {
             return Err(node

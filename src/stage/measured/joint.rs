@@ -1,22 +1,25 @@
 //! Fits parameters of a scene to several files of measurements at once.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
-use super::curve::{self, Measured};
+use rayon::prelude::*;
+
+use super::curve::Noise;
+use super::described::{digits, outlier, with_interval};
 use super::device::{Device, Displacements, Load};
-use super::field::{Field, SheetTable, read_field, read_series, read_sheet};
-use super::file::{MeasuredFile, Measurement, path_of};
+use super::field::{Field, SheetTable};
+use super::file::{MeasuredFile, Measurement};
+use super::free::{FreeKey, VOLTAGE_OFFSET};
 use super::orientation;
-use crate::direct;
-use deaflow_base::{InputError, Node};
+use super::table::{MeasuredTable, Rows};
+use deaflow_base::{InputError, Node, listed};
 use deaflow_field::Mesh;
 use deaflow_fit::{
-    Correlation, CreepCurve, Curve, DataSet, Elastomer, FieldData, FieldImage, FitError, FreeParameter, JointFit,
-    JointOptions, LawKind, Motion, NumberData, Parameter, Profiles, SheetCurve, Sigma, Simulated, Simulation, Test,
+    Correlation, CreepCurve, Curve, DataSet, Elastomer, FieldData, FieldImage, FreeParameter, JointFit, JointOptions,
+    LawKind, Motion, NumberData, Parameter, Profiles, SheetCurve, Sigma, Simulated, Simulation, Verdict, Warning,
     fit_together,
 };
-use deaflow_pattern::{DrawingOptions, Pattern, PatternForm};
+use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
 /// The distance in mm over which noise is correlated at most, where a file does not state it.
@@ -70,6 +73,18 @@ pub struct SeriesSet {
     pub(super) sigma: Sigma,
 }
 
+impl SeriesSet {
+    /// Simulates each row on its own; the reason where there is no stable equilibrium.
+    pub(super) fn simulate_each(&self, device: &Device, values: &[f64]) -> Vec<Result<f64, String>> {
+        let at = |load: &Load| {
+            let found = device.simulate(&self.pattern, std::slice::from_ref(load), values)?;
+            let found = Displacements::joined(&found, Some(self.direction)).values;
+            found.first().copied().ok_or_else(|| "at a row".to_owned())
+        };
+        self.loads.par_iter().map(at).collect()
+    }
+}
+
 /// A file of measurements that was read.
 #[derive(Debug)]
 pub struct MeasuredSet {
@@ -92,134 +107,124 @@ pub fn read_sets(
     device: &Device,
     scene: &Scene,
 ) -> Result<Vec<MeasuredSet>, InputError> {
-    for (at, (file, node)) in files.iter().enumerate() {
-        let path = path_of(node, file.file());
-        if files[..at]
-            .iter()
-            .any(|(other, node)| path_of(node, other.file()) == path)
-        {
-            return Err(node
-                .error(format!("the file {} is listed twice", file.file()))
-                .help("remove one"));
-        }
-    }
-    files
-        .iter()
-        .map(|(file, node)| read_set(file, node, device, scene))
-        .collect()
-}
-
-fn read_set(file: &MeasuredFile, node: &Node, device: &Device, scene: &Scene) -> Result<MeasuredSet, InputError> {
-    let path = path_of(node, file.file());
-    let name = file.file().to_owned();
-    let mut notes = Vec::new();
-    let pattern = || one_pattern(file, node, scene.form());
-    let data = match file.test {
-        Measurement::Field => {
-            let (pattern, own) = pattern()?;
-            notes.extend(own);
-            let mut field = read_field(&path, file)?;
-            notes.extend(keep_points(&mut field, device, &pattern, scene.membrane().size_mm)?);
-            let image = FieldImage::new(
-                &name,
-                &field.points_mm,
-                &field.displacements_mm,
-                field.sigma_mm.as_deref(),
-            );
-            let image = image.map_err(|error| refused(&error, node))?;
-            if image.points().len() < LEAST_POINTS {
-                let found = image.points().len();
-                return Err(node
-                    .error(format!("{found} points of the field can be used"))
-                    .help("a field needs at least three, beside which the motion of the camera is fitted"));
-            }
-            let load = Load {
-                voltage_v: file.voltage.map(|voltage| voltage.value()),
-                points_mm: image.points().to_vec(),
-            };
-            let size_mm = scene.membrane().size_mm;
-            notes.extend(orientation::better(device, &pattern, &load, image.measured(), size_mm));
-            let within = file
-                .correlated_within
-                .map_or(CORRELATED_WITHIN, |within| within.value());
-            Data::Field(FieldSet {
-                load,
-                image,
-                pattern,
-                correlation: match within > 0.0 {
-                    true => Correlation::Estimated { within_mm: within },
-                    false => Correlation::Independent,
-                },
-            })
-        }
-        Measurement::VoltageDisplacement => {
-            let (pattern, own) = pattern()?;
-            notes.extend(own);
-            let series = read_series(&path, file)?;
-            let point = file.point.map(|point| point.map(|at| at.value())).unwrap_or_default();
-            if !device.on_membrane(&pattern, &[point])?[0] {
-                let at = node.peek("point").unwrap_or(node);
-                return Err(at
-                    .error("the point is not on the membrane")
-                    .help("give its distance from the lower left corner"));
-            }
-            let radians = file.direction.map_or(0.0, |direction| direction.value()).to_radians();
-            let load = |voltage: &f64| Load {
-                voltage_v: Some(*voltage),
-                points_mm: vec![point],
-            };
-            Data::Series(SeriesSet {
-                pattern,
-                loads: series.voltages_v.iter().map(load).collect(),
-                direction: [radians.cos(), radians.sin()],
-                measured_mm: series.displacements_mm,
-                sigma: series.sigma,
-            })
-        }
-        Measurement::Uniaxial | Measurement::Equibiaxial | Measurement::PureShear => {
-            Data::Curve(read_curve(&path, file)?)
-        }
-        Measurement::VoltageStretch | Measurement::Creep => read_sheet_of(&path, file, scene)?,
+    let tables = MeasuredTable::read_all(files, scene.form(), Noise::Relative)?;
+    let set = |(table, (_, node)): (MeasuredTable, &(MeasuredFile, Node))| {
+        MeasuredSet::of_table(table, device, scene).map_err(|error| node.place(error))
     };
-    Ok(MeasuredSet {
-        name,
-        test: file.test,
-        data,
-        notes,
-    })
+    tables.into_iter().zip(files).map(set).collect()
 }
 
-fn read_sheet_of(path: &Path, file: &MeasuredFile, scene: &Scene) -> Result<Data, InputError> {
-    let SheetTable { at, stretch, sigma } = read_sheet(path, file)?;
-    let (name, test) = (file.file().to_owned(), file.sheet.test());
-    let (load, thickness_m) = (file.sheet_load(scene.mean_prestretch()), 1e-3 * scene.thickness_mm());
-    Ok(match file.test {
-        Measurement::Creep => Data::Creep(CreepCurve {
+impl MeasuredSet {
+    /// Places the measurements of a file on a device.
+    ///
+    /// # Errors
+    /// When its pattern is not one of the device, or too few points are on the membrane.
+    pub fn of_table(table: MeasuredTable, device: &Device, scene: &Scene) -> Result<Self, InputError> {
+        let MeasuredTable {
             name,
-            elastomer: Elastomer::elastic(LawKind::NeoHookean),
             test,
-            load,
-            voltage_v: file.voltage.map_or(0.0, |voltage| voltage.value()),
-            thickness_m,
-            time_s: at,
-            stretch,
-            sigma,
-        }),
-        _ => Data::Sheet(SheetCurve {
+            settings,
+            rows,
+            pattern,
+            mut notes,
+        } = table;
+        let refused = |why: &str| InputError::new(format!("{name}: {why}"));
+        let pattern = || {
+            let pattern = pattern.ok_or_else(|| refused("it has no pattern"))?;
+            let (raster, groups) = (scene.form().raster, scene.form().groups);
+            match pattern.raster() == raster && pattern.groups() <= groups {
+                true => Ok(pattern),
+                false => Err(refused("its pattern was read for another device")
+                    .help("the raster and the groups of electrodes are those of the scene of the pipeline")),
+            }
+        };
+        let thickness_m = 1e-3 * scene.thickness_mm();
+        let load = || settings.sheet_load(scene.mean_prestretch());
+        let data = match rows {
+            Rows::Curve(curve) => Data::Curve(curve),
+            Rows::History(_) => {
+                return Err(refused("relaxation cannot be fitted with a device")
+                    .help("fit the law first, then the relaxation with the fitted scene"));
+            }
+            Rows::Sheet(SheetTable { at, stretch, sigma }) => match test {
+                Measurement::Creep => Data::Creep(CreepCurve {
+                    name: name.clone(),
+                    elastomer: Elastomer::elastic(LawKind::NeoHookean),
+                    test: settings.sheet(),
+                    load: load(),
+                    voltage_v: settings.voltage_v.unwrap_or(0.0),
+                    thickness_m,
+                    time_s: at,
+                    stretch,
+                    sigma,
+                }),
+                _ => Data::Sheet(SheetCurve {
+                    name: name.clone(),
+                    law: LawKind::NeoHookean,
+                    test: settings.sheet(),
+                    load: load(),
+                    thickness_m,
+                    voltage_v: at,
+                    stretch,
+                    sigma,
+                }),
+            },
+            Rows::Field(mut field) => {
+                let pattern = pattern()?;
+                let size_mm = scene.membrane().size_mm;
+                notes.extend(keep_points(&mut field, device, &pattern, size_mm)?);
+                let sigma = field.sigma_mm.as_deref();
+                let image = FieldImage::new(&name, &field.points_mm, &field.displacements_mm, sigma);
+                let image = image.map_err(|error| refused(&error.to_string()))?;
+                if image.points().len() < LEAST_POINTS {
+                    let found = image.points().len();
+                    return Err(refused(&format!("{found} points of the field can be used"))
+                        .help("a field needs at least three, beside which the motion of the camera is fitted"));
+                }
+                let load = Load {
+                    voltage_v: settings.voltage_v,
+                    points_mm: image.points().to_vec(),
+                };
+                notes.extend(orientation::better(device, &pattern, &load, image.measured(), size_mm));
+                let within = settings.correlated_within_mm.unwrap_or(CORRELATED_WITHIN);
+                Data::Field(FieldSet {
+                    load,
+                    image,
+                    pattern,
+                    correlation: match within > 0.0 {
+                        true => Correlation::Estimated { within_mm: within },
+                        false => Correlation::Independent,
+                    },
+                })
+            }
+            Rows::Series(series) => {
+                let pattern = pattern()?;
+                let point = settings.point_mm.unwrap_or_default();
+                if !device.on_membrane(&pattern, &[point])?[0] {
+                    return Err(refused("the point is not on the membrane")
+                        .help("give its distance from the lower left corner"));
+                }
+                let radians = settings.direction_deg.unwrap_or(0.0).to_radians();
+                let load = |voltage: &f64| Load {
+                    voltage_v: Some(*voltage),
+                    points_mm: vec![point],
+                };
+                Data::Series(SeriesSet {
+                    pattern,
+                    loads: series.voltages_v.iter().map(load).collect(),
+                    direction: [radians.cos(), radians.sin()],
+                    measured_mm: series.displacements_mm,
+                    sigma: series.sigma,
+                })
+            }
+        };
+        Ok(Self {
             name,
-            law: LawKind::NeoHookean,
             test,
-            load,
-            thickness_m,
-            voltage_v: at,
-            stretch,
-            sigma,
-        }),
-    })
-}
-
-fn refused(error: &FitError, node: &Node) -> InputError {
-    node.error(error.to_string())
+            data,
+            notes,
+        })
+    }
 }
 
 /// Moves points that rounding has put outside of the rectangle to its edge, leaves out those that are not on the
@@ -289,33 +294,6 @@ fn keep_points(
     Ok(notes)
 }
 
-fn one_pattern(file: &MeasuredFile, node: &Node, form: PatternForm) -> Result<(Pattern, Vec<String>), InputError> {
-    let named = path_of(node, file.pattern().unwrap_or_default());
-    let argument = named.to_string_lossy().into_owned();
-    let mut found = direct::patterns(&[argument], form, &DrawingOptions::default())?;
-    match (found.patterns.pop(), found.patterns.is_empty()) {
-        (Some(pattern), true) => Ok((pattern, found.notes)),
-        _ => Err(node
-            .peek("pattern")
-            .unwrap_or(node)
-            .error("the file has several patterns")
-            .help("name one, as in `pattern: mine.npy[3]`")),
-    }
-}
-
-fn read_curve(path: &Path, file: &MeasuredFile) -> Result<Curve, InputError> {
-    let test = file.test.of_specimen().unwrap_or(Test::Uniaxial);
-    let noise = file.noise_of_stress()?.unwrap_or(curve::Noise::Relative);
-    match curve::read(&path.to_string_lossy(), test, noise)? {
-        Measured::Curve(curve) => Ok(curve),
-        Measured::History(_) => Err(InputError::new(format!(
-            "{}: relaxation cannot be fitted with a device",
-            path.display()
-        ))
-        .help("fit the law first, then the relaxation with the fitted scene")),
-    }
-}
-
 impl MeasuredSet {
     /// Returns what the fit takes of a specimen or a sheet of an elastomer; `None` for a device.
     pub(super) fn of_elastomer(&self, elastomer: Elastomer) -> Option<DataSet<'static>> {
@@ -334,7 +312,8 @@ impl MeasuredSet {
     }
 
     /// Returns whether it is of a device, which finite elements simulate.
-    fn is_of_device(&self) -> bool {
+    #[must_use]
+    pub fn is_of_device(&self) -> bool {
         matches!(self.data, Data::Field(_) | Data::Series(_))
     }
 
@@ -444,6 +423,71 @@ impl SceneFit {
             shift,
         })
     }
+
+    /// Returns what a user should know before using the fit.
+    ///
+    /// # Errors
+    /// If the effects at the fitted values cannot be decided.
+    pub fn warnings(&self, device: &Device) -> Result<Vec<String>, InputError> {
+        const OUTLIERS: usize = 5;
+        let (fit, keys) = (&self.fit, device.keys());
+        // The reader has counted rows that were left out.
+        let own = fit
+            .warnings
+            .iter()
+            .filter(|warning| !matches!(warning, Warning::Dropped { .. }));
+        let mut warnings: Vec<String> = own.map(ToString::to_string).collect();
+        let values = self.values();
+        if let Some(other) = device.other_effects(&values)? {
+            let named = |effects: &[String]| {
+                if effects.is_empty() {
+                    "none".to_owned()
+                } else {
+                    listed(effects)
+                }
+            };
+            warnings.push(format!(
+                "`effects: auto` was decided at the first values of the parameters ({}); at the fitted values it is: {}. \
+                 Fit again from a scene with these values",
+                named(device.effects()),
+                named(&other)
+            ));
+        }
+        for (_, key) in pairs(self, keys).filter(|(parameter, _)| parameter.at_bound) {
+            warnings.push(format!("{} is at its bound: its value says nothing", key.path));
+        }
+        if let Some(shift) = self.shift.filter(|shift| *shift > SETTLED) {
+            warnings.push(format!(
+                "the finest mesh still changes the parameters by {} standard errors: use order 2, or more elements per \
+                 cell",
+                digits(shift)
+            ));
+        }
+        if fit.verdict != Verdict::Determined {
+            warnings.push(fit.verdict.to_string());
+        }
+        warnings.extend(
+            fit.outliers
+                .iter()
+                .take(OUTLIERS)
+                .map(|found| format!("outlier: {}", outlier(found))),
+        );
+        if fit.outliers.len() > OUTLIERS {
+            warnings.push(format!("{} more outliers", fit.outliers.len() - OUTLIERS));
+        }
+        if let Some((parameter, key)) = pairs(self, keys).find(|(_, key)| key.path == VOLTAGE_OFFSET) {
+            let [value, _] = with_interval(parameter, key, true);
+            warnings.push(format!(
+                "the scene has no offset: add {value} to the voltages of the supply, as in compare --voltage-offset"
+            ));
+        }
+        Ok(warnings)
+    }
+}
+
+/// Returns the parameters with their keys.
+fn pairs<'a>(found: &'a SceneFit, keys: &'a [FreeKey]) -> impl Iterator<Item = (&'a Parameter, &'a FreeKey)> {
+    found.fit.estimate.parameters.iter().zip(keys)
 }
 
 /// Rounds a value to a thousandth of its standard error, so that another processor gives the same scene.

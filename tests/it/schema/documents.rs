@@ -86,7 +86,7 @@ stages:
   together: { kind: solve, needs: [spread], gather: [seed, count] }
   grown: { kind: table, needs: [together], columns: [area, max_displacement], plot: { x: area, y: max_displacement, series: area } }
   own: { kind: patterns, files: [tests/it/schema/own.csv] }
-  labels: { kind: import, files: [tests/it/schema/labels.npz] }
+  labels: { kind: import, files: [tests/it/schema/labels.npz], scene: { from: law } }
   refined: { kind: solve, needs: [small], accuracy: 0.01 mm, history: { at: [0 s, 10 min] } }
   finest: { kind: solve, needs: [small], elements_per_cell: 4, order: 2 }
   guessed: { kind: solve, needs: [small], method: chord:2, order: 2 }
@@ -114,7 +114,7 @@ stages:
       { name: three, area: free, objective: { point: [20, 20], displacement: [0.1, 0.2], measure: distance } },
       { name: four, objective: { points: [{ point: [20, 20], direction: 0 }], value: 1 mm, measure: distance } },
       { name: five, objective: { field: pipelines/fields/pinch.csv } }] }
-  pinch: { kind: design, seed: 1, objective: { field: pipelines/fields/pinch.csv } }
+  pinch: { kind: design, seed: 1, objective: { field: pipelines/fields/pinch.csv }, scene: { from: law } }
   vector: { kind: design, seed: 1, objective: { point: [25, 25], displacement: [0.1 mm, 0.2 mm], weight: 2 } }
   value: { kind: design, seed: 1, objective: { point: [25, 25], direction: 0, value: 1 mm } }
   vectors: { kind: design, seed: 1, objective: { points: [{ point: [25, 25], displacement: [0.1 mm, 0.2 mm], weight: 2 }] } }
@@ -125,7 +125,18 @@ stages:
   verified: { kind: verify, needs: [design, highest], method: newton, elements_per_cell: 1, order: 2, tolerance: 1e-6, time_limit: 60 s }
   taught: { kind: verify, needs: [judged], rounds: 3, update: { network: qin2024, epochs: 2, patience: 1, batch: 4, optimizer: muon,
     learning_rate: 0.001, weight_decay: 0, gradient_norm: 1, symmetry: none, max_weight: 0.2, auxiliary_weight: 0.1, verified_weight: 16, without: [audited], seed: 9 } }
-  exact: { kind: verify, needs: [rotation, own], accuracy: 10 um, history: { at: [1 s] } }
+  exact: { kind: verify, needs: [rotation, own], accuracy: 10 um, history: { at: [1 s] }, scene: { from: law } }
+  pulled: { kind: measure, absolute: true, files: [{ file: tests/it/schema/pulled.csv, test: uniaxial, sigma: 3 % }] }
+  seen: { kind: measure, files: [
+    { file: tests/it/schema/field.csv, test: field, pattern: tests/it/schema/own.csv, voltage: 4 kV, coordinates: deformed, scale: 21.3 um/px,
+      origin: [1 mm, 2 mm], turn: 1 deg, y: down, correlated_within: 5 mm, sigma: 5 um },
+    { file: tests/it/schema/travel.csv, test: voltage-displacement, pattern: tests/it/schema/own.csv, point: [25 mm, 25 mm], direction: 0 deg },
+    { file: tests/it/schema/sheet.csv, test: voltage-stretch, sheet: pure-shear, load: 30 kPa },
+    { file: tests/it/schema/creep.csv, test: creep, sheet: equibiaxial, force: 1 N, width: 10 mm, voltage: 1 kV }] }
+  law: { kind: fit, needs: [pulled], laws: [gent, 'ogden:2'], branches: 2 }
+  fitted: { kind: fit, needs: [seen], free: { shear_modulus: 1 kPa..1 MPa, voltage_offset: auto }, elements_per_cell: 1, order: 1, scene: { from: law } }
+  late: { kind: solve, needs: [small], scene: { from: fitted } }
+  beside: { kind: compare, needs: [seen], voltage_offset: -0.1 kV, effects: true, elements_per_cell: 2, order: 2, scene: { from: law } }
   accuracy: { kind: accuracy, needs: [finest, surrogate], methods: [linear, history, history+linear, history+chord:1, creep:3+chord:2, { method: creep:3, order: 2 }, { method: chord:3, elements_per_cell: 1, order: 2 },
     { accuracy: 0.03 mm }] }
 ";
