@@ -220,7 +220,7 @@ impl<'a> Planner<'a> {
         effort: Effort,
     ) -> Result<StageStatus, StoreError> {
         let spec = &self.pipeline.stages[index];
-        self.read_scene(spec, known)?;
+        self.read_scene(spec, known);
         let stage = spec.stage();
         let inputs: Vec<Input> = spec.needs.iter().filter_map(|need| known.get(need).cloned()).collect();
         let digests: Vec<Option<ArtifactId>> = inputs.iter().map(|input| input.digest).collect();
@@ -257,16 +257,13 @@ impl<'a> Planner<'a> {
     }
 
     /// Reads the scene of a stage, if another stage makes it.
-    fn read_scene(&self, spec: &StageSpec, known: &BTreeMap<usize, Input>) -> Result<(), StoreError> {
-        let Some(from) = &spec.scene_from else { return Ok(()) };
+    fn read_scene(&self, spec: &StageSpec, known: &BTreeMap<usize, Input>) {
+        let Some(from) = &spec.scene_from else { return };
         let maker = &self.pipeline.stages[from.index];
         let artifact = known.get(&from.index).and_then(|input| input.digest);
         match artifact.filter(|artifact| self.store.has(artifact) || self.store.has_upstream()) {
             Some(artifact) => from.read(spec.kind, maker.kind, &artifact, &|| self.store.artifact(&artifact)),
-            None => {
-                from.forget();
-                Ok(())
-            }
+            None => from.forget(),
         }
     }
 

@@ -62,21 +62,22 @@ impl SceneFrom {
         }
     }
 
-    /// Reads the stage with the scene of an artifact, which `maker` has made.
-    ///
-    /// # Errors
-    /// If the store cannot be read.
+    /// Reads the stage with the scene of an artifact, which `maker` has made. An artifact that cannot be opened, such as
+    /// a damaged one, may be repaired later, so it is tried again each time.
     pub fn read(
         &self,
         kind: &dyn Kind,
         maker: &dyn Kind,
         artifact: &ArtifactId,
         open: &dyn Fn() -> Result<Artifact, StoreError>,
-    ) -> Result<(), StoreError> {
-        if self.current().is_some_and(|read| read.artifact == *artifact) {
-            return Ok(());
+    ) {
+        let is_read = |read: &ReadStage| read.artifact == *artifact && read.scene.is_some();
+        if self.current().as_ref().is_some_and(is_read) {
+            return;
         }
-        let scene = maker.scene_of(&open()?);
+        let scene = open()
+            .map_err(StageError::from)
+            .and_then(|artifact| maker.scene_of(&artifact));
         let stage = match &scene {
             Ok(scene) => kind.read(&self.node, Some(scene)).map(Arc::from).map_err(Arc::new),
             Err(error) => Err(Arc::new(self.node.error(error.to_string()))),
@@ -87,7 +88,6 @@ impl SceneFrom {
             stage,
         };
         *self.read.lock().unwrap_or_else(PoisonError::into_inner) = Some(read);
-        Ok(())
     }
 
     /// Forgets the scene: its artifact is not known or not there.

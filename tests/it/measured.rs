@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::common::{Stages, Workspace};
+use super::common::{Stages, Workspace, files};
 
 const SCENE: &str = "geometry: { side: 50 mm, thickness: 1 mm, prestretch: 1.2, cells: 10 }
 material: { model: neo-hookean, shear_modulus: 300 kPa, relative_permittivity: 2.8 }
@@ -392,4 +392,34 @@ fn rows_beyond_pull_in_are_counted_and_not_compared() {
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let file = &ended.json()["comparisons"][0]["files"][0];
     assert_eq!((&file["points"], &file["without_equilibrium"]), (&8.into(), &1.into()));
+}
+
+#[test]
+fn a_damaged_or_lost_fit_is_made_again_before_its_scene_is_read() {
+    let workspace = with_data();
+    let first = workspace.stages(&["run", "chain.yaml"]);
+    let digest = first.stage("fitted")["digest"].as_str().unwrap().to_owned();
+    let object = || {
+        let all = files(&workspace.path("store/objects"));
+        all.into_iter().find(|file| file.to_string_lossy().contains(&digest))
+    };
+    let finer = |elements: &str| {
+        let set = format!("stages.solved.elements_per_cell={elements}");
+        workspace.stages(&["run", "chain.yaml", "--set", &set])
+    };
+    let path = object().unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle..].iter_mut().for_each(|byte| *byte ^= 0x5a);
+    let mut permissions = std::fs::metadata(&path).unwrap().permissions();
+    std::os::unix::fs::PermissionsExt::set_mode(&mut permissions, 0o644);
+    std::fs::set_permissions(&path, permissions).unwrap();
+    std::fs::write(&path, &bytes).unwrap();
+    let repaired = finer("2");
+    assert_eq!(repaired.with("built"), ["fitted", "solved"]);
+    std::fs::remove_file(object().unwrap()).unwrap();
+    let plan = workspace.stages(&["plan", "chain.yaml", "--set", "stages.solved.elements_per_cell=3"]);
+    assert_eq!(plan.stage("solved")["outcome"], "stale");
+    assert_eq!(finer("3").with("built"), ["fitted", "solved"]);
+    assert_eq!(finer("1").with("reused").len(), 5);
 }

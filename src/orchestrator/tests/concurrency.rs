@@ -207,7 +207,7 @@ fn some_chunks_of_a_stage_are_built_and_the_stage_is_left_to_others() {
 fn chunk_keys(lab: &Laboratory, text: &str) -> Vec<ActionKey> {
     let pipeline = lab.pipeline(text, &[]);
     let spec = pipeline.stage("small").unwrap();
-    let Plan::Chunks(chunks) = spec.stage.plan(&[]) else {
+    let Plan::Chunks(chunks) = spec.stage().plan(&[]) else {
         panic!("it has chunks");
     };
     let key = |chunk: &Chunk| {

@@ -170,7 +170,7 @@ fn each_round_learns_from_all_before_it_and_does_the_rest_again() {
 fn keys_are_those_of_the_first_round_but_for_what_learns() {
     let of = |sets: &[&str]| {
         let pipeline = laboratory().pipeline(STAGES, sets);
-        let parameters = |name: &str| pipeline.stage(name).unwrap().stage.parameters().to_string();
+        let parameters = |name: &str| pipeline.stage(name).unwrap().stage().parameters().to_string();
         ["model", "model-2", "model-3", "one-3", "checked-2"].map(parameters)
     };
     let added = |values: [u64; 5]| values.map(|add| Canonical::map([("add", add.into())]).to_string());

@@ -282,7 +282,7 @@ stages:
     say: [\"$${voltage}\", \"${voltage} V\", { foreach: { k: [1, 2] }, at: \"${k} of ${voltage}\" }]
 ";
     let pipeline = lab.pipeline(text, &[]);
-    let said = |name: &str| pipeline.stage(name).unwrap().stage.parameters().to_string();
+    let said = |name: &str| pipeline.stage(name).unwrap().stage().parameters().to_string();
     assert!(
         said("solved@voltage=3000").contains("3000"),
         "{}",
@@ -305,7 +305,7 @@ stages:
 #[test]
 fn a_value_of_nothing_leaves_its_key_out() {
     let pipeline = stages("  small: { kind: count, foreach: { from: [null, 7] }, count: 10, offset: \"${from}\" }\n");
-    let said = |name: &str| pipeline.stage(name).unwrap().stage.parameters().to_string();
+    let said = |name: &str| pipeline.stage(name).unwrap().stage().parameters().to_string();
     assert!(
         said("small@from=none").contains("offset: 0"),
         "{}",
@@ -324,7 +324,7 @@ fn a_collecting_stage_is_told_what_belongs_together() {
   table:  { kind: collect, needs: [halved, large, small] }
 ",
     );
-    let said = pipeline.stage("table").unwrap().stage.parameters().to_string();
+    let said = pipeline.stage("table").unwrap().stage().parameters().to_string();
     for row in [
         "by=2, n=10: halved 0, large 4, small 5",
         "by=2, n=20: halved 1, large 4, small 6",
