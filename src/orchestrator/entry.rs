@@ -14,6 +14,8 @@ const LONGEST_NAME: usize = 200;
 pub struct Registry {
     /// The kinds of stages.
     pub kinds: Vec<&'static dyn Kind>,
+    /// Replaces the files that a scene names by their content.
+    pub complete_scene: fn(&mut Node) -> Result<(), InputError>,
     /// Checks a scene, also if no stage uses it.
     pub check_scene: fn(&Node) -> Result<(), InputError>,
     /// Returns the schema of scenes.

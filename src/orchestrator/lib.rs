@@ -56,7 +56,7 @@ pub use scratch::Scratch;
 pub use spec::{Pipeline, StageSpec, file_of, splice_scene};
 pub use stage_progress::{Readiness, StageProgress, stage_progress};
 pub use staleness::{Staleness, as_set, is_filled};
-pub use sweep::{MANY_STAGES, MOST_STAGES, Sweep};
+pub use sweep::{MANY_STAGES, MOST_STAGES, Sweep, axes_in};
 pub use without::{WITHOUT, names_stage};
 
 #[cfg(test)]

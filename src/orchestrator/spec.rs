@@ -18,6 +18,9 @@ use deaflow_base::{Document, InputError, Node, NodeValue, Override, folder_of};
 
 const WHAT: &str = "the pipeline";
 
+/// The key of the scene, and what it is called.
+const SCENE: &str = "scene";
+
 const KEYS: [&str; 4] = ["version", "name", "scene", "stages"];
 
 /// The start of keys at the top of a pipeline that are skipped: they hold anchors that other places share.
@@ -135,11 +138,12 @@ impl Pipeline {
         let mut root = document.root;
         root.remove_starting_with(EXTENSION);
         refuse_scene(&root)?;
-        splice_scene(&mut root, &path)?;
         let resolved: Vec<Override> = overrides.iter().map(with_scene_file).collect::<Result<_, _>>()?;
-        let late = rounds::apply(&mut root, &resolved)?;
+        let others = splice_scene(&mut root, &path, resolved, registry.complete_scene)?;
+        let late = rounds::apply(&mut root, &others)?;
         let name = read_frame(&root, registry)?;
         let sweeps = sweep::unroll(&mut root, registry, registry.most_stages)?;
+        complete_scenes_of_stages(&mut root, registry)?;
         let rounds = rounds::unroll(&mut root, &late, registry)?;
         if let Some(stages) = root.child_mut("stages") {
             stages.set_removed_keys(|stage| match registry.reads_scene(stage) {
@@ -224,39 +228,58 @@ pub fn file_of(path: &Path) -> PathBuf {
     }
 }
 
-/// Replaces the name of a scene file in the document at `path` by the scene.
+/// Loads the scene of the document at `path`, which is a pipeline that may name a file, or a scene: overrides that
+/// replace the scene or name a file in it are applied first, then `complete` replaces its files by their content.
+/// Returns the other overrides.
 ///
 /// # Errors
-/// If the file does not exist, is outside the folder of the document (after resolving links), or is not valid.
-pub fn splice_scene(root: &mut Node, path: &Path) -> Result<(), InputError> {
-    let Some(node) = root.peek("scene") else {
+/// If a file does not exist, is outside the folder of the document that names it (after resolving links), or is not
+/// valid.
+pub fn splice_scene(
+    root: &mut Node,
+    path: &Path,
+    overrides: Vec<Override>,
+    complete: fn(&mut Node) -> Result<(), InputError>,
+) -> Result<Vec<Override>, InputError> {
+    let scene = root
+        .peek(SCENE)
+        .filter(|node| matches!(node.value(), NodeValue::Text(_)));
+    if let Some(node) = scene {
+        let parent = path.parent().unwrap_or(Path::new(""));
+        let scene = Document::beside(node, parent, SCENE, "pipeline")?;
+        root.replace(SCENE, scene.root);
+    }
+    let (first, others): (Vec<_>, Vec<_>) = overrides.into_iter().partition(names_file);
+    first.iter().try_for_each(|set| set.apply(root))?;
+    let is_pipeline = [SCENE, "stages"].into_iter().any(|key| root.peek(key).is_some());
+    match root.child_mut(SCENE) {
+        Some(scene) => complete(scene)?,
+        None if !is_pipeline => complete(root)?,
+        None => {}
+    }
+    Ok(others)
+}
+
+/// Whether an override replaces the scene, or names the file of its material.
+fn names_file(set: &Override) -> bool {
+    let steps: Vec<&str> = set.path().iter().map(String::as_str).collect();
+    match steps.as_slice() {
+        ["scene"] | ["scene", "material", "from"] | ["material", "from"] => true,
+        ["scene", "material"] | ["material"] => set.node().peek("from").is_some(),
+        _ => false,
+    }
+}
+
+/// Completes the scenes that sweeps have given to stages.
+fn complete_scenes_of_stages(root: &mut Node, registry: &Registry) -> Result<(), InputError> {
+    let Some(stages) = root.child_mut("stages") else {
         return Ok(());
     };
-    if !matches!(node.value(), NodeValue::Text(_)) {
-        return Ok(());
+    for name in stages.keys() {
+        if let Some(scene) = stages.child_mut(&name).and_then(|stage| stage.child_mut(sweep::SCENE)) {
+            (registry.complete_scene)(scene)?;
+        }
     }
-    let parent = path.parent().unwrap_or(Path::new(""));
-    let named = Path::new(node.text("scene")?);
-    let file = parent.join(named);
-    // A bare name has an empty parent, which cannot be opened.
-    let (Ok(within), Ok(found)) = (Path::new(".").join(parent).canonicalize(), file.canonicalize()) else {
-        let message = format!("the scene file {} does not exist", file.display());
-        return Err(node
-            .error(message)
-            .help("its path is relative to the file of the pipeline"));
-    };
-    // The pipeline of another person must not read files elsewhere.
-    if named.is_absolute() || !found.starts_with(&within) {
-        let message = format!(
-            "the scene file {} is outside the folder of the pipeline",
-            named.display()
-        );
-        return Err(node
-            .error(message)
-            .help("put it into the folder of the pipeline or a subfolder, not behind a link"));
-    }
-    let scene = Document::load(&file)?;
-    root.replace("scene", scene.root);
     Ok(())
 }
 

@@ -7,6 +7,7 @@ use super::drive::{Drive, States};
 use super::effects::{AUTO, Effects, On, Properties, names, switched_on};
 use super::geometry::Geometry;
 use super::leads::Leads;
+use super::library::{self, refuse_file, splice_material};
 use super::model::{Material, SECTIONS, Scene, VACUUM_PERMITTIVITY, WHAT};
 use super::shape::Shape;
 use super::waveform::Waveform;
@@ -21,7 +22,9 @@ impl Scene {
     /// # Errors
     /// When the file cannot be read, or is not a scene.
     pub fn load(path: &Path) -> Result<Self, InputError> {
-        Self::read(&Document::load(path)?.root)
+        let mut root = Document::load(path)?.root;
+        splice_material(&mut root)?;
+        Self::read(&root)
     }
 
     /// Reads a scene from text, such as an artifact's `scene` attribute.
@@ -38,6 +41,7 @@ impl Scene {
     /// When a key is unknown or missing, or a value is out of range.
     pub fn read(node: &Node) -> Result<Self, InputError> {
         let map = node.fields(WHAT, &SECTIONS)?;
+        refuse_file(node)?;
         let material: Material = section(&map, "material")?;
         let modulus = material.shear_modulus.value();
         let known = map.optional("properties").map(with_law_of_branches);
@@ -132,7 +136,7 @@ impl Scene {
             .description("The effects beyond the base model; auto: those that are significant.");
         let scene = Fields::new("A membrane on a frame, its drive and its effects.")
             .required("geometry", Geometry::schema(&()))
-            .required("material", Material::schema(&()))
+            .required("material", library::schema())
             .optional("drive", Drive::schema(&()))
             .optional(
                 "states",

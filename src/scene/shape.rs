@@ -342,22 +342,6 @@ impl Parameter for Cells {
     }
 }
 
-/// Returns the files of all masks and voltage tables below a node, as named in the document.
-#[must_use]
-pub fn scene_files(node: &Node) -> Vec<String> {
-    match node.value() {
-        NodeValue::List(items) => items.iter().flat_map(scene_files).collect(),
-        NodeValue::Map(entries) => {
-            let each = entries.iter().flat_map(|(key, value)| match value.value() {
-                NodeValue::Text(file) if key.is_text("mask") || key.is_text("table") => vec![file.clone()],
-                _ => scene_files(value),
-            });
-            each.collect()
-        }
-        _ => Vec::new(),
-    }
-}
-
 parameters! {
     /// A part of the membrane: one of these, or what is left of it `without` others.
     pub struct Shape as "a shape" {

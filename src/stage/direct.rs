@@ -82,8 +82,8 @@ pub fn labels(argument: &str, scene: &Scene) -> Result<Option<Labels>, InputErro
     }))
 }
 
-/// Lists the files of a scene or a pipeline: itself, the scene that it names, masks and tables of voltages. Files that
-/// cannot be read are skipped; reading the scene reports them.
+/// Lists the files of a scene or a pipeline: itself, the scene that it names, masks, tables of voltages and materials.
+/// Files that cannot be read are skipped; reading the scene reports them.
 #[must_use]
 pub fn files_read(path: &Path) -> Vec<String> {
     let sibling = |file: &Path, name: String| file.with_file_name(name);
@@ -156,16 +156,18 @@ impl<'a> Changes<'a> {
 /// If it cannot be read, or a value is invalid.
 pub fn read_scene_with(path: &Path, changes: Changes<'_>) -> Result<ReadScene, InputError> {
     let mut root = Document::load(path)?.root;
-    splice_scene(&mut root, path)?;
     let is_pipeline = root.peek("scene").is_some();
-    for set in changes.sets {
+    let set = |set: &String| {
         let own = set.trim_start();
         let own = own.strip_prefix("scene.").unwrap_or(own);
         match is_pipeline {
-            true => Override::parse(&format!("scene.{own}"))?.apply(&mut root)?,
-            false => Override::of_scene(own)?.apply(&mut root)?,
+            true => Override::parse(&format!("scene.{own}")),
+            false => Override::of_scene(own),
         }
-    }
+    };
+    let sets = changes.sets.iter().map(set).collect::<Result<_, _>>()?;
+    let others = splice_scene(&mut root, path, sets, crate::scene::complete)?;
+    others.iter().try_for_each(|set| set.apply(&mut root))?;
     if let Some(voltage) = changes.voltage {
         let path = if is_pipeline {
             "scene.drive.voltage"

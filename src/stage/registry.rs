@@ -33,6 +33,7 @@ static TABLE: table::TableKind = table::TableKind { collected: &COLLECTED };
 pub fn registry() -> Registry {
     Registry {
         kinds: COLLECTED.into_iter().chain([&TABLE as &dyn Kind]).collect(),
+        complete_scene: scene::complete,
         check_scene: |node| scene::read(node).map(|_| ()),
         scene_schema: Scene::schema,
         most_stages: MOST_STAGES,

@@ -4,8 +4,8 @@ use deaflow_base::{Canonical, Fields, InputError, Node, Schema};
 use deaflow_content::StoredAttribute;
 use deaflow_dataset::Device;
 use deaflow_fem::effects::Model;
-use deaflow_orchestrator::StageError;
-use deaflow_scene::{Difference, Outline, Scene, States};
+use deaflow_orchestrator::{StageError, axes_in};
+use deaflow_scene::{Difference, Outline, Scene, States, material_file, splice_material};
 use deaflow_store::Artifact;
 
 /// The key of the state of a stage that simulates one drive.
@@ -18,6 +18,15 @@ pub fn with_state(fields: Fields) -> Fields {
         STATE,
         schema.description("The state of the device to simulate, if the scene has several."),
     )
+}
+
+/// Replaces the file of the material in a scene by its content. A name with an axis of a sweep stays until the axis has
+/// a value.
+pub fn complete(scene: &mut Node) -> Result<(), InputError> {
+    match material_file(scene) {
+        Some(named) if axes_in(named).is_empty() => splice_material(scene),
+        _ => Ok(()),
+    }
 }
 
 /// Reads a scene and checks that it can be simulated. What `effects: auto` would turn on is checked as far as that is

@@ -68,6 +68,11 @@ fn the_page_from_tables_to_a_design_is_true() {
 }
 
 #[test]
+fn the_page_on_published_results_is_true() {
+    run("docs/published.md");
+}
+
+#[test]
 fn the_page_on_coming_from_other_programs_is_true() {
     run("docs/coming-from.md");
 }
@@ -153,6 +158,7 @@ fn figures_are_shown_and_a_tool_draws_them() {
         "docs/tools/figures.py",
         "docs/tools/photographs.py",
         "docs/tools/ring.py",
+        "docs/tools/published.py",
     ];
     let tools = tools
         .map(|tool| std::fs::read_to_string(root.join(tool)).unwrap())

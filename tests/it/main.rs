@@ -39,6 +39,7 @@ mod layering;
 mod limits;
 mod log;
 mod manners;
+mod materials;
 mod measured;
 mod model;
 mod moved;

@@ -21,11 +21,15 @@ fn pipelines() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines")
 }
 
-/// The YAML files that are shipped, with the kind of each.
+/// The pipelines and scenes that are shipped, with the kind of each.
 fn shipped() -> Vec<(PathBuf, Kind)> {
+    let is_data = |f: &PathBuf| {
+        let folder = f.parent();
+        folder.is_some_and(|folder| folder.ends_with("materials") || folder.ends_with("measured"))
+    };
     let yaml = files(&pipelines())
         .into_iter()
-        .filter(|f| f.extension().is_some_and(|e| e == "yaml"));
+        .filter(|f| f.extension().is_some_and(|e| e == "yaml") && !is_data(f));
     let found: Vec<(PathBuf, Kind)> = yaml
         .map(|f| {
             let scene = f.parent().is_some_and(|folder| folder.ends_with("scenes"));

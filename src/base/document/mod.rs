@@ -4,6 +4,7 @@
 //! field, underlines the value, and reports what was found and what is allowed, also for values of `--set` on the
 //! command line.
 
+mod beside;
 mod error;
 mod node;
 mod overrides;

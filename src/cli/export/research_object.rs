@@ -11,11 +11,12 @@ use crate::arguments::{SetArguments, StoreArguments};
 use crate::progress::Bar;
 use crate::{CliError, Exit, Output, locate, pipeline, table, write};
 use deaflow_base::{
-    ArtifactId, Document, NodeValue, TemporaryOutput, folder_of, is_dangling_link, kind_of, read_bounded, software,
+    ArtifactId, Document, Node, NodeValue, TemporaryOutput, folder_of, is_dangling_link, kind_of, read_bounded,
+    software,
 };
 use deaflow_orchestrator::{BuiltStage, BuiltStages, Pipeline, built_stages};
 use deaflow_report::{CrateFile, CrateStage, METADATA, ResearchObject, figure_files, file_name};
-use deaflow_scene::scene_files;
+use deaflow_scene::{material_file, scene_files};
 use deaflow_store::{LockFile, Store, write_standalone};
 
 /// The largest file of a pipeline or a scene, bytes.
@@ -258,6 +259,16 @@ fn named_files(pipeline: &Pipeline) -> Result<BTreeSet<String>, CliError> {
         let document = Document::load(&folder_of(&pipeline.path).join(&scene))?;
         let beside = |file: String| Path::new(&scene).with_file_name(file).to_string_lossy().into_owned();
         files.extend(scene_files(&document.root).into_iter().map(beside));
+    }
+    // The name of a material with an axis of a sweep stands for several files, which the scenes of the stages have read.
+    if let Some(named) = pipeline.scene.as_ref().and_then(material_file) {
+        let named = named.text("from")?;
+        files.retain(|file| !file.ends_with(named));
+        let scenes = pipeline.stages.iter().filter_map(|stage| stage.scene.as_ref());
+        let materials = scenes.filter_map(|scene| scene.peek("material").map(Node::file));
+        let folder = folder_of(&pipeline.path);
+        let below_folder = materials.map(|file| file.strip_prefix(folder).unwrap_or(file));
+        files.extend(below_folder.map(|file| file.to_string_lossy().into_owned()));
     }
     files.iter().map(|file| below("the file", file)).collect()
 }

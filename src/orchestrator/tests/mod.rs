@@ -300,6 +300,7 @@ impl Laboratory {
             count,
             registry: Registry {
                 kinds,
+                complete_scene: |_| Ok(()),
                 check_scene,
                 scene_schema: Schema::text,
                 most_stages: MOST_STAGES,

@@ -11,6 +11,7 @@ use crate::state::ServerState;
 use deaflow_base::{Document, InputError, Node, NodeValue, Override};
 use deaflow_orchestrator::{Environment, Pipeline, plan as planned, plan_document, plan_warnings, splice_scene};
 use deaflow_report::{STAGE_HEIGHT, layout};
+use deaflow_scene::scene_files;
 use deaflow_stage as stage;
 use deaflow_store::Store;
 
@@ -187,8 +188,12 @@ fn names_file(path: &[String], node: &Node) -> bool {
     let is_key = |key: &str| key.split('.').any(|step| FILE_KEYS.contains(&step));
     let of_scene = path.last().is_some_and(|last| last == "scene")
         && matches!(node.value(), NodeValue::Text(_) | NodeValue::List(_));
+    let of_material = path.iter().any(|step| step == "material")
+        && (path.last().is_some_and(|last| last == "from") || node.peek("from").is_some());
     path.iter().any(|step| is_key(step))
         || of_scene
+        || of_material
+        || !scene_files(node).is_empty()
         || holds_key(node, &|key: &str| is_key(key) || key.ends_with("scene"))
 }
 
@@ -228,7 +233,7 @@ fn plan_of(state: &ServerState, pipeline: &Pipeline, until: Option<&str>) -> Res
 /// Lists all values of a pipeline and its scene as written, by the path that `--set` takes.
 fn values(path: &Path) -> Result<Vec<Value>, ApiError> {
     let mut root = Document::load(path)?.root;
-    splice_scene(&mut root, path)?;
+    splice_scene(&mut root, path, Vec::new(), stage::registry().complete_scene)?;
     let mut found = Vec::new();
     collect(&root, &mut Vec::new(), &mut found);
     Ok(found)

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use deaflow::base::{Document, InputError, Node, NodeValue};
 use deaflow::orchestrator::{Pipeline, pipeline_schema, scene_schema};
-use deaflow::scene::{Scene, Stiffening};
+use deaflow::scene::{Scene, Stiffening, splice_material};
 use deaflow::stage::registry;
 use serde_json::{Map, Value};
 
@@ -32,10 +32,13 @@ impl Kind {
 
     /// Reads a document as deaflow does.
     pub fn read(self, document: &Value) -> Result<(), InputError> {
-        let document = Document::from_text(Path::new("document.yaml"), &document.to_string())?;
+        let mut document = Document::from_text(Path::new("document.yaml"), &document.to_string())?;
         match self {
             Self::Pipeline => Pipeline::read(document, &[], &registry()).map(|_| ()),
-            Self::Scene => Scene::read(&document.root).map(|_| ()),
+            Self::Scene => {
+                splice_material(&mut document.root)?;
+                Scene::read(&document.root).map(|_| ())
+            }
         }
     }
 }
@@ -262,6 +265,12 @@ const BASE: &str = "
 material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
 ";
 
+/// Materials in files, with values that replace those of the file.
+const NAMED: [&str; 2] = [
+    "material: { from: pipelines/materials/vhb4910-hossain.yaml, model: neo-hookean, shear_modulus: 45 kPa }",
+    "material: { from: pipelines/materials/natural-rubber-treloar.yaml, relative_permittivity: 2.7 }",
+];
+
 /// What stands beside geometry and material: every effect. Each law of stiffening is added, as an effect and as a
 /// property.
 const SCENES: [&str; 14] = [
@@ -316,9 +325,15 @@ pub fn of(kind: Kind) -> Vec<Value> {
             });
             let scenes = SCENES.iter().map(ToString::to_string).chain(laws);
             let numbered = scenes.enumerate();
-            numbered
-                .map(|(at, rest)| json(&format!("geometry: {}{BASE}{rest}", GEOMETRIES[at % GEOMETRIES.len()])))
-                .collect()
+            let written = numbered
+                .map(|(at, rest)| json(&format!("geometry: {}{BASE}{rest}", GEOMETRIES[at % GEOMETRIES.len()])));
+            let named = NAMED.iter().map(|material| {
+                json(&format!(
+                    "geometry: {}\n{material}\ndrive: {{ voltage: 5 kV }}",
+                    GEOMETRIES[1]
+                ))
+            });
+            written.chain(named).collect()
         }
     }
 }
