@@ -179,7 +179,8 @@ def main(program, *options):
         for number, (name, points) in enumerate(found.items()):
             x, measured, simulated = zip(*points)
             color = f"C{number}"
-            axis.plot(x, measured, "o", ms=3, fillstyle="none", color=color)
+            shown = slice(None, None, 1 + len(x) // 40)
+            axis.plot(x[shown], measured[shown], "o", ms=3, fillstyle="none", color=color)
             axis.plot(x, simulated, color=color, lw=1, label=(names or {}).get(name, name))
         axis.set(xlabel=xlabel, ylabel=ylabel)
         axis.set_title(title, fontsize=9)
@@ -195,7 +196,7 @@ def main(program, *options):
     if "--without-cyclic" not in options:
         found = cyclic(program)
         short = {name: name.removeprefix("hossain-cyclic-").removesuffix(".csv") for name in found}
-        shown = {short[name]: curve for name, curve in found.items() if "-0.03" not in name}
+        shown = {short[name]: curve for name, curve in found.items() if "-1.5-" in name or "-3.0-" in name}
         curves(axes[4], shown, "5 VHB 4910 loaded and unloaded, Hossain 2012", ylabel="nominal stress, kPa")
     found = compared(program, "vhb4905", "vhb4905-equilibrium")
     names = {"vhb4905-equilibrium.csv": "Yeoh"}
@@ -207,7 +208,9 @@ def main(program, *options):
         x, y = zip(*curve)
         axes[7].semilogx(x, y, color=f"C{number}", lw=1, label=f"{name}, {prestretch}")
         axes[7].plot(published, strain, "o", ms=5, fillstyle="none", color=f"C{number}")
-    axes[7].set(xlabel="true field, MV/m", ylabel="area strain, %", xlim=(20, 600))
+    axes[7].set(xlabel="true field, MV/m", ylabel="area strain, %", xlim=(20, 700), ylim=(0, 180))
+    axes[7].set_xticks([20, 50, 100, 200, 500], ["20", "50", "100", "200", "500"])
+    axes[7].minorticks_off()
     axes[7].set_title("8 prestretched films, Pelrine 2000", fontsize=9)
     axes[7].legend(frameon=False, fontsize=7)
     for number, (name, published, same) in enumerate(films(program)):
