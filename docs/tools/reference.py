@@ -83,10 +83,16 @@ def variants(schema):
     return found
 
 
-def choice_key(mapping):
-    """Returns the key whose constant value distinguishes the mappings."""
+def choice_key(mapping, others):
+    """Returns the key whose constant value distinguishes a mapping from others; one that all share does not."""
     words = [key for key, value in mapping["properties"].items() if "const" in value and key not in ("kind", "version")]
-    return words[0] if words else None
+    shared = [key for key in words if len(others) > 1 and all(constant(key, mapping) == constant(key, other) for other in others)]
+    return next((key for key in words if key not in shared), None)
+
+
+def constant(key, mapping):
+    """Returns the constant value of a key."""
+    return mapping["properties"].get(key, {}).get("const")
 
 
 def literal(value):
@@ -117,11 +123,11 @@ def rows(mapping, prefix="", choice=None):
         if is_mapping(inner) and is_new(inner):
             yield from rows(inner, inner_prefix)
         for variant in filter(is_new, variants(inner)):
-            yield from variant_rows(variant, inner_prefix)
+            yield from variant_rows(variant, variants(inner), inner_prefix)
 
 
-def variant_rows(mapping, prefix):
-    choice = choice_key(mapping)
+def variant_rows(mapping, others, prefix):
+    choice = choice_key(mapping, others)
     if choice:
         yield f"{prefix}{choice}: {mapping['properties'][choice]['const']}", "", sentence(mapping)
     yield from rows(mapping, prefix, choice)
@@ -144,7 +150,7 @@ def section(title, schema):
         is_new(schema)
         parts.append(table(rows(schema)))
     else:
-        choices = [(choice_key(variant), variant) for variant in variants(schema)]
+        choices = [(choice_key(variant, variants(schema)), variant) for variant in variants(schema)]
         for key, variant in choices:
             parts.append(f"### {key}: {variant['properties'][key]['const']}")
             parts.append(variant["description"])
