@@ -323,8 +323,8 @@ fn drawing_unit(text: &str) -> Result<DrawingUnit, String> {
 
 #[derive(Debug, Args)]
 pub struct PatternArguments {
-    /// Patterns: FILE.npy, FILE.csv, FILE.png, drawings FILE.dxf and FILE.svg, or FILE.h5:/dataset (also .mat, .nc,
-    /// .npz)
+    /// Patterns: FILE.npy, FILE.csv, pictures FILE.png (also .jpg, .tif, .bmp), drawings FILE.dxf and FILE.svg, or
+    /// FILE.h5:/dataset (also .mat, .nc, .npz)
     #[arg(value_name = "PATTERN", required = true)]
     pub patterns: Vec<String>,
     #[command(flatten)]

@@ -11,7 +11,7 @@ use super::text::Text;
 use super::tone::{Tone, width_of_stdout};
 use super::{CliError, Exit, Output, table};
 use deaflow_field::Field;
-use deaflow_pattern::{Bits, DrawingOptions, Pattern, form_of};
+use deaflow_pattern::{Bits, DrawingFormat, DrawingOptions, Pattern, PictureFormat, form_of};
 use deaflow_scene::Scene;
 use deaflow_stage::direct::{self, NamedPatterns};
 
@@ -126,10 +126,7 @@ impl CheckedFile {
             text.whole(line);
         }
         let file = Path::new(&self.name);
-        if ["png", "svg"]
-            .iter()
-            .any(|end| file.extension().is_some_and(|own| own.eq_ignore_ascii_case(end)))
-        {
+        if PictureFormat::of(file).is_some() || DrawingFormat::of(file) == Some(DrawingFormat::Svg) {
             text.line("the top of the picture is the upper edge of the membrane, where y is largest");
         }
         let several = if self.patterns.len() > 1 { "first pattern: " } else { "" };

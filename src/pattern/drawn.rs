@@ -77,7 +77,8 @@ pub(super) fn no_shapes() -> PatternFileError {
 /// The error for a file of whole cells where parts of cells shall be covered.
 pub(super) fn no_shares() -> PatternFileError {
     PatternFileError::new("drawings and pictures alone cover parts of cells").help(
-        "allowed with edges by coverage: .dxf, .svg, .png, and artifacts of a store; of other files the cells are read",
+        "allowed with edges by coverage: .dxf, .svg, pictures, and artifacts of a store; of other files the cells are \
+         read",
     )
 }
 

@@ -11,21 +11,21 @@ use std::path::Path;
 use super::drawing::{DrawingFormat, DrawingOptions};
 use super::drawn::{self, Edges};
 use super::file::{FilePatterns, PatternFileError};
-use super::png::Greys;
+use super::picture::{self, Greys, PictureFormat};
 use super::raster::{Pattern, PatternForm, Raster};
-use super::{array, csv, png};
+use super::{array, csv};
 use deaflow_array::{Format, extension, split};
 use deaflow_base::InputError;
 
-const FORMS: &str = "allowed: FILE.npy, FILE.csv (also .txt, .dat, .tsv), FILE.png, FILE.dxf, FILE.svg, FILE.h5:/dataset \
-                     (also .hdf5, .nc, .mat, .npz)";
+const FORMS: &str = "allowed: FILE.npy, FILE.csv (also .txt, .dat, .tsv), FILE.png (also .jpg, .tif, .bmp), FILE.dxf, \
+                     FILE.svg, FILE.h5:/dataset (also .hdf5, .nc, .mat, .npz)";
 
 /// What a file of patterns is, by its extension.
 #[derive(Clone, Copy)]
 enum FileKind {
     Array(Format),
     Table,
-    Picture,
+    Picture(PictureFormat),
     Drawing(DrawingFormat),
 }
 
@@ -38,16 +38,20 @@ impl FileKind {
         // Of `FILE.npy:/x` it is that of the file.
         let names_dataset = path.extension().is_none_or(|own| !own.eq_ignore_ascii_case(&end));
         match end.as_str() {
-            "npy" | "csv" | "txt" | "dat" | "tsv" | "asc" | "png" | "dxf" | "svg" if names_dataset => {
+            "npy" | "csv" | "txt" | "dat" | "tsv" | "asc" | "png" | "jpg" | "jpeg" | "tif" | "tiff" | "bmp" | "dxf"
+            | "svg"
+                if names_dataset =>
+            {
                 Err(PatternFileError::new(format!("`.{end}` files have no named datasets"))
                     .help("name the file alone, without `:/…`"))
             }
             "csv" | "txt" | "dat" | "tsv" | "asc" => Ok(Self::Table),
-            "png" => Ok(Self::Picture),
             "dxf" => Ok(Self::Drawing(DrawingFormat::Dxf)),
             "svg" => Ok(Self::Drawing(DrawingFormat::Svg)),
             "" => Err(PatternFileError::new("the file name has no extension").help(FORMS)),
-            other => Err(PatternFileError::new(format!("cannot read `.{other}` files")).help(FORMS)),
+            other => PictureFormat::named(other)
+                .map(Self::Picture)
+                .ok_or_else(|| PatternFileError::new(format!("cannot read `.{other}` files")).help(FORMS)),
         }
     }
 }
@@ -63,8 +67,8 @@ pub fn has_patterns(path: &Path) -> bool {
 /// - `FILE.npy`: (rows, columns) or (n, rows, columns), booleans, integers or floats, C or Fortran order.
 /// - `FILE.csv`, `.txt`, `.dat`, `.tsv`: a line for each row; the first line is row y = 0, the lower edge, as
 ///   `numpy.savetxt` writes the array.
-/// - `FILE.png`: dark = electrode; the top of the image is the upper edge (largest y). A pixel, or a block of pixels,
-///   per cell; an image of another size, or with greys, by the share of each cell that is dark.
+/// - `FILE.png`, `.jpg`, `.tif`, `.bmp`: dark = electrode; the top of the image is the upper edge (largest y). A pixel,
+///   or a block of pixels, per cell; an image of another size, or with greys, by the share of each cell that is dark.
 /// - `FILE.dxf`, `FILE.svg`: cells whose centre lies in the closed curves of a layer, in DXF, or in filled areas, in
 ///   SVG.
 /// - `FILE.h5:/dataset` (also `.hdf5`, `.nc`, `.mat`, `.npz`): as `.npy`. Another process reads HDF5. Without a name,
@@ -102,7 +106,7 @@ pub fn read_patterns_of(
     match kind {
         FileKind::Drawing(format) => drawn::read(path, format, form, drawings),
         _ if drawings.edges == Edges::Fitted => Err(drawn::no_shapes()),
-        FileKind::Picture if drawings.edges == Edges::Coverage => png::read_shares(path, form),
+        FileKind::Picture(format) if drawings.edges == Edges::Coverage => picture::read_shares(path, format, form),
         _ if drawings.edges == Edges::Coverage => Err(drawn::no_shares()),
         _ => read(path, kind, dataset, form, Greys::Covered, drawings.threshold),
     }
@@ -120,7 +124,7 @@ fn read(
         FileKind::Drawing(_) => Err(drawn::no_cells()),
         FileKind::Array(format) => array::read(path, format, dataset, form),
         FileKind::Table => csv::read(path, form),
-        FileKind::Picture => png::read(path, form, greys, threshold),
+        FileKind::Picture(format) => picture::read(path, format, form, greys, threshold),
     }
 }
 
@@ -146,7 +150,7 @@ pub fn form_of(spec: &str) -> Result<PatternForm, InputError> {
         refused(refusal.help(help))
     })?;
     Ok(match kind {
-        FileKind::Picture | FileKind::Drawing(_) => PatternForm::bare_or_electrode(raster),
+        FileKind::Picture(_) | FileKind::Drawing(_) => PatternForm::bare_or_electrode(raster),
         FileKind::Array(_) | FileKind::Table => PatternForm::of_square_cells(raster, Pattern::MOST_GROUPS),
     })
 }
@@ -158,7 +162,7 @@ fn sides_of(path: &Path, dataset: Option<&str>) -> Result<(FileKind, [usize; 2])
     let sides = match kind {
         FileKind::Array(format) => array::sides(path, format, dataset)?,
         FileKind::Table => csv::sides(path)?,
-        FileKind::Picture => png::sides(path)?,
+        FileKind::Picture(format) => picture::sides(path, format)?,
         FileKind::Drawing(_) => return Err(drawn::no_cells()),
     };
     Ok((kind, sides))
@@ -185,7 +189,7 @@ pub fn read_mask(path: &Path) -> Result<Pattern, PatternFileError> {
         None,
         PatternForm::bare_or_electrode(raster),
         Greys::Refused,
-        png::HALF,
+        picture::HALF,
     )?;
     match <[Pattern; 1]>::try_from(found.patterns) {
         Ok([one]) => Ok(one),

@@ -415,7 +415,10 @@ fn pictures_are_read_by_coverage_and_the_area_is_stated() {
     // The parts of a cell add up to it.
     for (cells, pixels) in [(50, 512), (50, 37), (7, 400), (3, 1)] {
         for at in 0..cells {
-            let sum: f64 = super::png::parts(at, cells, pixels).iter().map(|(_, part)| part).sum();
+            let sum: f64 = super::picture::parts(at, cells, pixels)
+                .iter()
+                .map(|(_, part)| part)
+                .sum();
             assert!((sum - 1.0).abs() < 1e-12, "{cells} {pixels} {at}");
         }
     }

@@ -4,7 +4,7 @@ import { ask, json } from "./server.js";
 import { Pattern } from "./pattern.js";
 
 /** Formats that can be opened. */
-export const READ = ["png", "csv", "npy", "svg", "dxf"];
+export const READ = ["png", "jpg", "jpeg", "tif", "tiff", "bmp", "csv", "npy", "svg", "dxf"];
 
 /**
  * Reads the pattern of a file.

@@ -13,7 +13,7 @@ use deaflow_report::export::{self, mask_drawing};
 use deaflow_scene::{Mask, Size};
 
 /// Formats that can be imported.
-const IMPORT_FORMATS: [&str; 5] = ["csv", "npy", "png", "dxf", "svg"];
+const IMPORT_FORMATS: [&str; 10] = ["csv", "npy", "png", "jpg", "jpeg", "tif", "tiff", "bmp", "dxf", "svg"];
 
 /// Formats that can be exported, with their media types.
 const EXPORT_FORMATS: [(&str, &str); 6] = [

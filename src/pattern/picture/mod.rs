@@ -1,4 +1,4 @@
-//! Reads patterns from images: dark pixels are electrodes, as in the figures of the source paper; the top row is the
+//! Reads patterns from images in PNG, JPEG, TIFF and BMP: dark pixels are electrodes, as in the figures of the source paper; the top row is the
 //! upper edge. If all visible pixels have one colour, the opaque ones are electrodes.
 //!
 //! An image with a pixel, or a block of equal pixels, per cell is read exactly. In any other image of one group a cell
@@ -8,10 +8,15 @@
 //! With several electrode groups, the index in a palette is the number of the group; without a palette, group g of n
 //! has the grey level (g − 1)/n from black to white, so there is no coverage.
 
-use std::io::Cursor;
+mod format;
+mod others;
+mod png;
+#[cfg(test)]
+mod tests;
+
 use std::path::Path;
 
-use png::{ColorType, Decoder, DecodingError, Reader, Transformations};
+pub use format::PictureFormat;
 
 use super::coverage::Coverage;
 use super::file::{FilePatterns, PatternFileError, bytes};
@@ -64,26 +69,25 @@ fn allowed(form: PatternForm) -> String {
 }
 
 /// Returns the numbers of columns and rows of an image with one pixel per cell.
-pub(super) fn sides(path: &Path) -> Result<[usize; 2], PatternFileError> {
+pub(super) fn sides(path: &Path, format: PictureFormat) -> Result<[usize; 2], PatternFileError> {
     let bytes = bytes(path, MAX_BYTES)?;
-    let broken = |e: DecodingError| PatternFileError::new(format!("not a readable PNG: {e}"));
-    let mut decoder = Decoder::new(Cursor::new(&bytes[..]));
-    let (width, height) = decoder.read_header_info().map_err(broken)?.size();
-    Ok([width as usize, height as usize])
+    format.check(&bytes)?;
+    match format {
+        PictureFormat::Png => png::sides(&bytes),
+        other => others::sides(&bytes, other),
+    }
 }
 
 /// Reads the pattern of an image. In one that is read by coverage, a cell is an electrode from this dark share on.
 pub(super) fn read(
     path: &Path,
+    format: PictureFormat,
     form: PatternForm,
     greys: Greys,
     threshold: f64,
 ) -> Result<FilePatterns, PatternFileError> {
-    let image = Image::decode(&bytes(path, MAX_BYTES)?, form)?;
-    let mut notes = Vec::new();
-    if image.is_transparency {
-        notes.push(OF_TRANSPARENCY.to_owned());
-    }
+    let image = Image::decode(&bytes(path, MAX_BYTES)?, format, form)?;
+    let mut notes = image.notes();
     let is_covered = form.groups == 1 && greys == Greys::Covered && image.has_ratio_of(form);
     let exact = match threshold == HALF || !is_covered {
         true => Some(image.exact(form)),
@@ -128,14 +132,18 @@ pub(super) fn read(
 
 /// Reads the share of each cell that an image of one electrode group covers: black covers, white does not, and a grey
 /// in between covers in part.
-pub(super) fn read_shares(path: &Path, form: PatternForm) -> Result<FilePatterns, PatternFileError> {
+pub(super) fn read_shares(
+    path: &Path,
+    format: PictureFormat,
+    form: PatternForm,
+) -> Result<FilePatterns, PatternFileError> {
     if form.groups != 1 {
         return Err(
             PatternFileError::new("a grey level is the number of an electrode group where there are several")
                 .help("allowed with edges by coverage: pictures for scenes of one group; draw groups in .dxf or .svg"),
         );
     }
-    let image = Image::decode(&bytes(path, MAX_BYTES)?, form)?;
+    let image = Image::decode(&bytes(path, MAX_BYTES)?, format, form)?;
     if !image.has_ratio_of(form) {
         let [width, height] = image.sides;
         return Err(PatternFileError::new(format!("the image has {width} × {height} pixels")).help(allowed(form)));
@@ -147,9 +155,7 @@ pub(super) fn read_shares(path: &Path, form: PatternForm) -> Result<FilePatterns
     let coverage =
         Coverage::new(form.raster, &groups, &shares).map_err(|error| PatternFileError::new(error.to_string()))?;
     let mut read = FilePatterns::new(vec![Pattern::of_coverage(coverage)]);
-    if image.is_transparency {
-        read.notes.push(OF_TRANSPARENCY.to_owned());
-    }
+    read.notes.extend(image.notes());
     Ok(read)
 }
 
@@ -164,9 +170,59 @@ struct Image {
     pixels: Vec<Pixel>,
     /// Whether the shape is in the transparency alone.
     is_transparency: bool,
+    /// Whether it was turned or mirrored as its camera or scanner noted.
+    is_turned: bool,
 }
 
 impl Image {
+    /// Decodes an image. Its size is checked before pixels are.
+    fn decode(bytes: &[u8], format: PictureFormat, form: PatternForm) -> Result<Self, PatternFileError> {
+        format.check(bytes)?;
+        let check = |[width, height]: [usize; 2]| match width.saturating_mul(height) > MOST_PIXELS {
+            true => Err(PatternFileError::new(format!("the image has {width} × {height} pixels")).help(allowed(form))),
+            false => Ok(()),
+        };
+        let with_indices = form.groups > 1;
+        match format {
+            PictureFormat::Png => png::decode(bytes, with_indices, &check),
+            other => others::decode(bytes, other, with_indices, &check),
+        }
+    }
+
+    /// Creates an image of samples of 8 bits, row by row from the top, for each pixel: a grey, a grey and an opacity,
+    /// red, green and blue, or these and an opacity.
+    fn of_samples(sides: [usize; 2], samples: &[u8], channels: usize) -> Self {
+        let levels = samples
+            .chunks_exact(channels)
+            .map(|pixel| (luma(pixel), opacity(pixel)));
+        let mut visible = levels.clone().filter(|(_, opacity)| *opacity > 0.0);
+        let first = visible.next().map_or(0.0, |(level, _)| level);
+        let has_one_colour = visible.all(|(level, _)| level == first);
+        let is_opaque = levels.clone().all(|(_, opacity)| opacity == 1.0);
+        // Black shapes look the same on white.
+        let is_transparency = has_one_colour && !is_opaque && first > 0.0;
+        let grey = |(level, opacity): (f64, f64)| match is_transparency {
+            true => Pixel::Grey(1.0 - opacity),
+            false => Pixel::Grey(opacity * level + 1.0 - opacity),
+        };
+        Self {
+            sides,
+            pixels: levels.map(grey).collect(),
+            is_transparency,
+            is_turned: false,
+        }
+    }
+
+    /// Returns what a user should know of how it was read.
+    fn notes(&self) -> Vec<String> {
+        let told = [
+            (self.is_transparency, OF_TRANSPARENCY),
+            (self.is_turned, "turned as the orientation in the file says"),
+        ];
+        let told = told.into_iter().filter(|(is_so, _)| *is_so);
+        told.map(|(_, note)| note.to_owned()).collect()
+    }
+
     /// Returns the pattern of an image with a pixel, or a block of equal pixels, per cell.
     fn exact(&self, form: PatternForm) -> Result<Pattern, PatternFileError> {
         let ([_, rows], [width, height]) = (form.raster.sides(), self.sides);
@@ -319,94 +375,20 @@ fn undecided([column, row]: [usize; 2], pixel: Pixel, groups: usize) -> PatternF
     PatternFileError::new(format!("pixel (column {column}, row {row} from the top) is {found}"))
 }
 
-impl Image {
-    fn decode(bytes: &[u8], form: PatternForm) -> Result<Self, PatternFileError> {
-        let broken = |e: DecodingError| PatternFileError::new(format!("not a readable PNG: {e}"));
-        let mut decoder = Decoder::new(Cursor::new(bytes));
-        let info = decoder.read_header_info().map_err(broken)?;
-        let (width, height) = info.size();
-        let is_indexed = form.groups > 1 && info.color_type == ColorType::Indexed;
-        let depth = info.bit_depth as usize;
-        decoder.set_transformations(match is_indexed {
-            true => Transformations::IDENTITY,
-            false => Transformations::EXPAND | Transformations::STRIP_16,
-        });
-        let sides = [width as usize, height as usize];
-        let count = sides[0].saturating_mul(sides[1]);
-        if count > MOST_PIXELS {
-            return Err(PatternFileError::new(format!("the image has {width} × {height} pixels")).help(allowed(form)));
-        }
-        let reader = decoder.read_info().map_err(broken)?;
-        let (pixels, is_transparency) = match is_indexed {
-            true => (indices(reader, sides, depth).map_err(broken)?, false),
-            false => greys(reader).map_err(broken)?,
-        };
-        match pixels.len() == count {
-            true => Ok(Self {
-                sides,
-                pixels,
-                is_transparency,
-            }),
-            false => Err(PatternFileError::new(format!(
-                "{} pixels where {count} were promised",
-                pixels.len()
-            ))),
-        }
-    }
-}
-
-/// Returns the grey levels, and whether they are those of the transparency.
-fn greys(mut reader: Reader<Cursor<&[u8]>>) -> Result<(Vec<Pixel>, bool), DecodingError> {
-    let mut pixels = vec![0; reader.output_buffer_size()];
-    let frame = reader.next_frame(&mut pixels)?;
-    let channels = frame.color_type.samples();
-    let levels = pixels[..frame.buffer_size()]
-        .chunks_exact(channels)
-        .map(|pixel| (luma(frame.color_type, pixel), opacity(frame.color_type, pixel)));
-    let mut visible = levels.clone().filter(|(_, opacity)| *opacity > 0.0);
-    let first = visible.next().map_or(0.0, |(level, _)| level);
-    let has_one_colour = visible.all(|(level, _)| level == first);
-    let is_opaque = levels.clone().all(|(_, opacity)| opacity == 1.0);
-    // Black shapes look the same on white.
-    let is_transparency = has_one_colour && !is_opaque && first > 0.0;
-    let grey = |(level, opacity): (f64, f64)| match is_transparency {
-        true => Pixel::Grey(1.0 - opacity),
-        false => Pixel::Grey(opacity * level + 1.0 - opacity),
-    };
-    Ok((levels.map(grey).collect(), is_transparency))
-}
-
-/// Unpacks indices of some bits each; each row takes whole bytes.
-fn indices(
-    mut reader: Reader<Cursor<&[u8]>>,
-    [width, height]: [usize; 2],
-    bits: usize,
-) -> Result<Vec<Pixel>, DecodingError> {
-    let mut bytes = vec![0; reader.output_buffer_size()];
-    let frame = reader.next_frame(&mut bytes)?;
-    let (per_byte, mask) = (8 / bits, u8::MAX >> (8 - bits));
-    let rows = bytes[..frame.buffer_size()].chunks_exact(frame.line_size).take(height);
-    let index = |row: &[u8], x: usize| row[x / per_byte] >> ((per_byte - 1 - x % per_byte) * bits) & mask;
-    Ok(rows
-        .flat_map(|row| (0..width).map(move |x| Pixel::Index(index(row, x))))
-        .collect())
-}
-
 /// Returns the luma after Rec. ITU-R BT.601, 0 to 1.
-fn luma(colour: ColorType, pixel: &[u8]) -> f64 {
-    let unit = |k: usize| f64::from(pixel[k]) / 255.0;
-    match colour {
-        ColorType::Rgba | ColorType::Rgb => 0.299 * unit(0) + 0.587 * unit(1) + 0.114 * unit(2),
-        ColorType::GrayscaleAlpha | ColorType::Grayscale | ColorType::Indexed => unit(0),
+fn luma(pixel: &[u8]) -> f64 {
+    let unit = |sample: u8| f64::from(sample) / 255.0;
+    match *pixel {
+        [red, green, blue] | [red, green, blue, _] => 0.299 * unit(red) + 0.587 * unit(green) + 0.114 * unit(blue),
+        [grey, ..] => unit(grey),
+        [] => 0.0,
     }
 }
 
 /// Returns the opacity, 0 to 1.
-fn opacity(colour: ColorType, pixel: &[u8]) -> f64 {
-    let alpha = match colour {
-        ColorType::Rgba => pixel[3],
-        ColorType::GrayscaleAlpha => pixel[1],
-        ColorType::Rgb | ColorType::Grayscale | ColorType::Indexed => u8::MAX,
-    };
-    f64::from(alpha) / 255.0
+fn opacity(pixel: &[u8]) -> f64 {
+    match *pixel {
+        [_, alpha] | [_, _, _, alpha] => f64::from(alpha) / 255.0,
+        _ => 1.0,
+    }
 }
