@@ -61,7 +61,7 @@ pub fn name_in(path: &Path) -> String {
 /// When it cannot be read.
 pub fn read_scene(path: &Path, output: &Output) -> Result<Scene, CliError> {
     let read = stage::direct::read_scene_with(path, stage::direct::Changes::default())?;
-    read.bare_numbers.into_iter().for_each(|note| output.warn(note));
+    read.notes().into_iter().for_each(|note| output.warn(note));
     Ok(read.scene)
 }
 

@@ -43,7 +43,7 @@ pub fn execute(arguments: &ScreenArguments, output: &Output) -> Result<Exit, Cli
         voltage: arguments.voltage.as_deref(),
     };
     let read = direct::read_scene_with(&arguments.scene, changes)?;
-    read.bare_numbers.into_iter().for_each(|note| output.warn(note));
+    read.notes().into_iter().for_each(|note| output.warn(note));
     let scene = arguments.state.of(read.scene)?;
     if let Some(faint) = stage::weak_drive_warning(&scene.at_largest_voltages()) {
         output.warn(format_args!("{faint}"));

@@ -26,7 +26,7 @@ pub use bits::{Bits, distance};
 pub use contour::{Arc, Contour, Contours, FillRule, Piece};
 pub use coverage::{Coverage, CoverageError};
 pub use deaflow_array::split as split_array;
-pub use drawing::{Drawing, DrawingFormat, DrawingOptions, DrawingUnit, read_drawing};
+pub use drawing::{Drawing, DrawingFormat, DrawingOptions, DrawingUnit, read_drawing, read_shape};
 pub use drawn::{Edges, GroupRegion, pattern_of};
 pub use electrodes::Electrodes;
 pub use file::{FilePatterns, PatternFileError, is_of_mask};

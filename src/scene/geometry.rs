@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::shape::Shape;
 use deaflow_base::{
     Canonical, Decimal, Fields, Force, InputError, Length, Map, Node, NodeValue, Parameter, Schema, SpringRate,
-    parameters, words,
+    four_digits, parameters, words,
 };
 use deaflow_pattern::{Bits, Borders, Electrodes, Membrane, Part, Parts, PartsError, Polygons, Raster};
 
@@ -153,7 +153,7 @@ fn check_frame(frame: &Frame, map: &Map<'_>) -> Result<(), InputError> {
 
 fn check(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
     check_size(geometry, map)?;
-    check_masks(geometry, map)?;
+    check_files(geometry, map)?;
     let Err(error) = geometry.read_parts() else {
         return Ok(());
     };
@@ -182,14 +182,34 @@ fn check(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
         .help(help))
 }
 
-/// Checks that masks have the cells of the membrane.
-fn check_masks(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
-    let raster = geometry.membrane().raster;
-    let check = |shape: &Shape, node: Option<&Node>| match (shape.region().other_raster(raster), node) {
-        (Some(other), Some(node)) => Err(node
-            .error(format!("the mask has {other} cells, but the membrane has {raster}"))
-            .help("a mask needs one value for each cell of the membrane")),
-        _ => Ok(()),
+/// Checks that masks have the cells of the membrane, and that drawings reach it.
+fn check_files(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
+    let membrane = geometry.membrane();
+    let raster = membrane.raster;
+    let check = |shape: &Shape, node: Option<&Node>| {
+        let Some(node) = node else { return Ok(()) };
+        if let Some(other) = shape.region().other_raster(raster) {
+            return Err(node
+                .error(format!("the mask has {other} cells, but the membrane has {raster}"))
+                .help("a mask needs one value for each cell of the membrane"));
+        }
+        let bounds = shape.drawing.region().and_then(|region| region.bounds());
+        match bounds.filter(|[low, high]| !reaches(*low, *high, membrane.size_mm)) {
+            Some([low, high]) => {
+                let place = |[x, y]: [f64; 2]| format!("({}, {})", four_digits(x), four_digits(y));
+                Err(node
+                    .error(format!(
+                        "nothing of the drawing lies on the membrane of {}: it reaches from {} to {} mm",
+                        membrane.size_text(),
+                        place(low),
+                        place(high)
+                    ))
+                    .help(
+                        "check its unit, or move it by `origin`: where the origin of the drawing lies on the membrane",
+                    ))
+            }
+            None => Ok(()),
+        }
     };
     let frame = map.optional("frame");
     let opening = geometry.frame.as_ref().and_then(|frame| frame.opening.as_ref());
@@ -207,6 +227,11 @@ fn check_masks(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
     held.zip(&held_nodes)
         .chain(bodies.zip(&body_nodes))
         .try_for_each(|(shape, node)| check(shape, Some(node)))
+}
+
+/// Whether a rectangle overlaps that from (0, 0) to a size.
+fn reaches(low: [f64; 2], high: [f64; 2], size: [f64; 2]) -> bool {
+    (0..2).all(|axis| low[axis] < size[axis] && high[axis] > 0.0)
 }
 
 fn side_or_size(fields: Fields) -> Fields {
@@ -288,6 +313,15 @@ impl Geometry {
     pub fn parts(&self) -> Option<Arc<Parts>> {
         // The geometry has been checked.
         self.read_parts().ok().flatten().map(Arc::new)
+    }
+
+    /// Returns what was ignored or assumed in the drawings of frame and bodies, each after the name of the file.
+    #[must_use]
+    pub fn notes(&self) -> Vec<String> {
+        let frame = self.frame.iter();
+        let of_frame = frame.flat_map(|frame| frame.opening.iter().chain(frame.held.iter().flatten()));
+        let of_bodies = self.bodies.iter().flatten().map(|body| &body.shape);
+        of_frame.chain(of_bodies).flat_map(Shape::notes).collect()
     }
 
     /// Returns whether elements follow the border of a shape.

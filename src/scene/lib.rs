@@ -4,6 +4,7 @@
 mod canonical;
 mod charge;
 mod difference;
+mod drawing;
 mod drive;
 pub mod effects;
 mod geometry;
@@ -22,6 +23,7 @@ mod waveform;
 
 pub use charge::Charge;
 pub use difference::Difference;
+pub use drawing::{Drawing, Placement, Text};
 pub use drive::{Drive, MOST_STATES, State, States, UnknownState, Voltages};
 pub use effects::{
     Branch, Breakdown, ConstantStrength, Effects, Electrode, ElectrodeResistance, HuangStrength, Inertia, On,

@@ -7,10 +7,12 @@ use deaflow_base::{
     Angle, Canonical, Declared, Fields, InputError, Length, Map, Node, NodeValue, Parameter, Schema, confined,
     parameters,
 };
-use deaflow_pattern::{Arc, Bits, Contour, Contours, Piece, Raster, Region, read_mask};
+use deaflow_pattern::{Arc, Bits, Contour, Contours, DrawingFormat, Piece, Raster, Region, read_mask};
+
+use super::drawing::{Drawing, Placement};
 
 /// The largest coordinate in mm.
-const FARTHEST: f64 = 1e4;
+pub(super) const FARTHEST: f64 = 1e4;
 
 /// The smallest and largest radius in mm.
 const RADII: RangeInclusive<f64> = 1e-6..=1e4;
@@ -150,7 +152,7 @@ impl Curve {
     }
 }
 
-fn in_mm(position: &Position) -> [f64; 2] {
+pub(super) fn in_mm(position: &Position) -> [f64; 2] {
     position.each_ref().map(|c| c.value())
 }
 
@@ -276,6 +278,11 @@ impl Shapes {
     pub fn regions(&self) -> Vec<Region> {
         self.0.iter().map(Shape::region).collect()
     }
+
+    /// Returns what was ignored or assumed in the files of drawings.
+    fn notes(&self) -> Vec<String> {
+        self.0.iter().flat_map(Shape::notes).collect()
+    }
 }
 
 /// The cells of a mask.
@@ -315,6 +322,10 @@ impl Parameter for Cells {
         let folder = node.file().parent().unwrap_or(Path::new(""));
         let refused = |why: &str| node.error(format!("the mask {}: {why}", folder.join(name).display()));
         let found = confined(folder, name).map_err(|why| refused(&why.to_string()).help(why.help()))?;
+        if DrawingFormat::of(&found).is_some() {
+            let help = format!("name it as a drawing: {{ file: {} }}", name.display());
+            return Err(refused("a drawing has no cells").help(help));
+        }
         match read_mask(&found) {
             Ok(pattern) => Ok(Self(Bits::of(&pattern))),
             Err(refusal) => {
@@ -357,8 +368,8 @@ parameters! {
         pub polygon: Option<Vec<Position>> [(-FARTHEST..=FARTHEST, 3..=MOST_CORNERS)],
         /// A closed curve of lines, arcs and cubics.
         pub path: Option<Curve>,
-        /// FILE.npy, FILE.csv or FILE.png in the folder of the scene, with a value for each cell of the membrane: 1 or
-        /// a dark pixel inside.
+        /// FILE.npy, FILE.csv or a picture (.png, .jpg, .tif, .bmp) in the folder of the scene, with a value for each
+        /// cell of the membrane: 1 or a dark pixel inside.
         pub mask: Option<Cells>,
         /// What is in any of these shapes.
         pub union: Option<Shapes>,
@@ -367,6 +378,10 @@ parameters! {
         /// What is left out of it: shapes.
         pub without: Option<Shapes>,
     }
+    include {
+        /// What a drawing fills.
+        pub drawing: Drawing,
+    }
     rules(one_of)
     check(check)
     shared("shape")
@@ -374,8 +389,9 @@ parameters! {
 
 /// The keys of which a shape has one.
 fn kinds() -> Vec<&'static str> {
+    let others = [Placement::keys(), vec!["without"]].concat();
     let keys = Shape::keys().into_iter();
-    keys.filter(|key| *key != "without").collect()
+    keys.filter(|key| !others.contains(key)).collect()
 }
 
 fn one_of(fields: Fields) -> Fields {
@@ -405,8 +421,19 @@ impl Shape {
         }
     }
 
+    /// Returns what was ignored or assumed in the files of drawings, each after the name of the file.
+    #[must_use]
+    pub fn notes(&self) -> Vec<String> {
+        let combined = [&self.union, &self.intersect, &self.without].into_iter().flatten();
+        let own = self.drawing.notes().into_iter();
+        own.chain(combined.flat_map(Shapes::notes)).collect()
+    }
+
     /// Returns the region with what is left out of it.
     fn whole(&self) -> Region {
+        if let Some(drawn) = self.drawing.region() {
+            return drawn;
+        }
         if let Some(rectangle) = &self.rectangle {
             return rectangle.region();
         }

@@ -53,8 +53,8 @@ pub struct NamedScene {
     pub scene: Scene,
     /// The file of the scene or of its pipeline; `None` for the built-in scene.
     pub file: Option<PathBuf>,
-    /// How numbers without a unit in it were read; `None` if all have one.
-    pub bare_numbers: Option<String>,
+    /// What a user should know of it, such as how numbers without a unit were read.
+    pub notes: Option<String>,
 }
 
 /// The state of a server.
@@ -101,7 +101,7 @@ impl ServerState {
         }
         let own_scene = options.scene.as_deref().map(named_scene).transpose()?;
         if let (Some(path), Some(own)) = (&options.scene, &own_scene) {
-            add(path, own.bare_numbers.as_ref());
+            add(path, own.notes.as_ref());
         }
         let first_pattern = match (&options.pattern, &own_scene) {
             (Some(pattern), Some(own)) => {
@@ -232,7 +232,7 @@ impl ServerState {
                 name,
                 scene: Scene::vhb4910(),
                 file: None,
-                bare_numbers: None,
+                notes: None,
             });
         }
         let mut seen: Vec<String> = Vec::new();
@@ -310,10 +310,11 @@ fn named_scene(path: &Path) -> Result<NamedScene, InputError> {
         .file_stem()
         .map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let read = direct::read_scene_with(path, direct::Changes::default())?;
+    let notes = read.notes();
     Ok(NamedScene {
         name,
         scene: read.scene,
         file: Some(path.to_owned()),
-        bare_numbers: read.bare_numbers,
+        notes: (!notes.is_empty()).then(|| notes.join("; ")),
     })
 }

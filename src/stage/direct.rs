@@ -82,8 +82,8 @@ pub fn labels(argument: &str, scene: &Scene) -> Result<Option<Labels>, InputErro
     }))
 }
 
-/// Lists the files of a scene or a pipeline: itself, the scene that it names, masks, tables of voltages and materials.
-/// Files that cannot be read are skipped; reading the scene reports them.
+/// Lists the files of a scene or a pipeline: itself, the scene that it names, masks, drawings, tables of voltages and
+/// materials. Files that cannot be read are skipped; reading the scene reports them.
 #[must_use]
 pub fn files_read(path: &Path) -> Vec<String> {
     let sibling = |file: &Path, name: String| file.with_file_name(name);
@@ -121,6 +121,18 @@ pub struct ReadScene {
     pub scene: Scene,
     /// How numbers without a unit were read; `None` if all have one.
     pub bare_numbers: Option<String>,
+}
+
+impl ReadScene {
+    /// Returns what a user should know: how numbers without a unit were read, and what was ignored in drawings.
+    #[must_use]
+    pub fn notes(&self) -> Vec<String> {
+        self.bare_numbers
+            .iter()
+            .cloned()
+            .chain(self.scene.geometry.notes())
+            .collect()
+    }
 }
 
 /// Whether a file has a scene, or cannot be read.

@@ -26,6 +26,7 @@ struct Instability {
 /// Checks the drive of a stage that simulates patterns.
 pub fn check_simulations(stage: &StageDeclaration<'_>) -> StageCheck {
     let scene = scene_of(stage);
+    let notes = scene.iter().flat_map(|scene| scene.geometry.notes());
     let found = scene.as_ref().and_then(instability);
     // Estimates do not detect instability.
     let method = stage.node.peek("method").and_then(|node| node.text("method").ok());
@@ -42,7 +43,7 @@ pub fn check_simulations(stage: &StageDeclaration<'_>) -> StageCheck {
     };
     StageCheck {
         mostly_unstable,
-        warnings: warning.into_iter().collect(),
+        warnings: warning.into_iter().chain(notes).collect(),
         ..StageCheck::default()
     }
 }

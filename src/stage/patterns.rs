@@ -39,8 +39,7 @@ impl Kind for PatternsKind {
     }
 
     fn files(&self, stage: &Node) -> Vec<String> {
-        let drawings = stage.peek("shapes").map(shapes::files);
-        [files::named(stage), drawings.unwrap_or_default(), scene_files(stage)].concat()
+        [files::named(stage), scene_files(stage)].concat()
     }
 
     fn schema(&self) -> Vec<Fields> {
@@ -86,8 +85,8 @@ impl Kind for PatternsKind {
 parameters! {
     /// Reads electrode patterns from files, or draws one of shapes.
     struct PatternsParameters as "a patterns stage" {
-        /// FILE.npy, FILE.csv, FILE.png, FILE.dxf, FILE.svg or FILE.h5:/dataset (also .mat, .nc, .npz), relative to the
-        /// pipeline's file; their patterns are concatenated.
+        /// FILE.npy, FILE.csv, FILE.png (also .jpg, .tif, .bmp), FILE.dxf, FILE.svg or FILE.h5:/dataset (also .mat, .nc,
+        /// .npz), relative to the pipeline's file; their patterns are concatenated.
         files: Option<Vec<FileName>> [((), 1..=1000)],
         /// The shapes and drawings of one pattern, whose groups may not overlap.
         shapes: Option<Vec<Drawn>> [((), 1..=1000)],

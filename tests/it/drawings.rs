@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::common::{Workspace, scene_file};
+use super::common::{Transcript, Workspace, scene_file, snapshot};
 
 /// An example drawing in the sources of the reader.
 fn example(workspace: &Workspace, name: &str) {
@@ -168,6 +168,166 @@ fn disc_scene(curves: &str) -> String {
          25 mm], radius: 20 mm }} }}, curves: {curves} }} }}\nmaterial: {{ model: neo-hookean, shear_modulus: 45 kPa, \
          relative_permittivity: 4.7 }}\ndrive: {{ voltage: 5 kV }}\neffects: {{}}\n"
     )
+}
+
+/// A drawing in mm of circles, each with its layer, centre and radius.
+fn circles(all: &[(&str, [f64; 2], f64)]) -> String {
+    let circle = |(layer, [x, y], radius): &(&str, [f64; 2], f64)| {
+        format!("0\nCIRCLE\n8\n{layer}\n10\n{x}\n20\n{y}\n40\n{radius}\n")
+    };
+    let entities: String = all.iter().map(circle).collect();
+    format!(
+        "0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n4\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n{entities}0\nTEXT\n8\nFRAME\n\
+         10\n0\n20\n0\n1\nlabel\n0\nENDSEC\n0\nEOF\n"
+    )
+}
+
+/// The scene of [`disc_scene`] with its shapes in a drawing, whose origin is the centre of the membrane.
+fn drawn_scene(file: &str, curves: &str) -> String {
+    let disc = "disc: { centre: [25 mm, 25 mm], radius: 20 mm }";
+    let scene = disc_scene(curves);
+    assert!(scene.contains(disc));
+    scene.replace(
+        disc,
+        &format!("file: {file}, layer: FRAME, unit: mm, origin: [25 mm, 25 mm], join: 1 um"),
+    )
+}
+
+#[test]
+fn drawings_are_frames_bodies_and_regions() {
+    let workspace = Workspace::new();
+    let drawing = circles(&[("FRAME", [0.0; 2], 20.0), ("TIP", [12.0, 0.0], 3.0)]);
+    workspace.write("device.dxf", &drawing);
+    workspace.write("own/other.dxf", &drawing.replace("label", "renamed"));
+    workspace.write(
+        "disc.svg",
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"50mm\" height=\"50mm\" viewBox=\"0 0 50 50\"><circle \
+         cx=\"25\" cy=\"25\" r=\"6\"/></svg>",
+    );
+    let tip =
+        |shape: &str, curves: &str| format!(", curves: {curves} }}, bodies: [{{ {shape}, curves: {curves} }}] }}");
+    let solved = |name: &str, scene: &str| {
+        workspace.write(&format!("{name}.yaml"), scene);
+        let (scene, out) = (format!("{name}.yaml"), format!("{name}.h5"));
+        let arguments = [
+            "solve",
+            &scene,
+            "disc.svg",
+            "--edges",
+            "fitted",
+            "--no-checks",
+            "--json",
+            "-o",
+            &out,
+        ];
+        let ended = workspace.run(&arguments);
+        assert_eq!(ended.code, Some(0), "{name}: {}", ended.stderr);
+        let file = hdf5::File::open(workspace.path(&out)).unwrap();
+        let field = file.dataset("displacement").unwrap().read_raw::<f64>().unwrap();
+        (field, ended.json())
+    };
+    for curves in ["fitted", "cells"] {
+        let end = format!(", curves: {curves} }} }}");
+        let in_yaml = tip("disc: { centre: [37 mm, 25 mm], radius: 3 mm }", curves);
+        let in_file = tip("file: device.dxf, layer: TIP, origin: [25 mm, 25 mm]", curves);
+        let (written, _) = solved("written", &disc_scene(curves).replace(&end, &in_yaml));
+        let (drawn, told) = solved("drawn", &drawn_scene("device.dxf", curves).replace(&end, &in_file));
+        let far = written
+            .iter()
+            .zip(&drawn)
+            .map(|(one, other)| (one - other).abs())
+            .fold(0.0, f64::max);
+        assert!(far < 1e-9 && written.iter().any(|u| u.abs() > 0.1), "{curves}: {far}");
+        assert!(
+            told["notes"].to_string().contains("device.dxf: ignored: 1 TEXT"),
+            "{told}"
+        );
+    }
+    // What is drawn counts, not the name of its file; a crate has the file.
+    let pipeline = |file: &str| {
+        workspace.write(
+            "scene.yaml",
+            &drawn_scene(file, "fitted").replace("cells: 50", "cells: 16"),
+        );
+        workspace.write(
+            "p.yaml",
+            "version: 1\nname: frame\nscene: scene.yaml\nstages:\n  own: { kind: patterns, edges: fitted, files: \
+             [disc.svg] }\n  solved: { kind: solve, needs: [own] }\n",
+        );
+        let run = workspace.stages(&["run", "p.yaml"]);
+        (run.digests()["solved"].clone(), run.with("built").len())
+    };
+    let (first, built) = pipeline("device.dxf");
+    assert_eq!(built, 2);
+    assert_eq!(pipeline("own/other.dxf"), (first.clone(), 0));
+    let ended = workspace.run(&["export", "crate", "p.yaml", "-o", "crate"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert!(workspace.path("crate/workflow/own/other.dxf").is_file());
+    workspace.write("own/other.dxf", &circles(&[("FRAME", [0.0; 2], 19.0)]));
+    assert_ne!(pipeline("own/other.dxf").0, first);
+    // Regions without electrodes of a search.
+    let plan = |region: &str| {
+        workspace.write(
+            "d.yaml",
+            &format!(
+                "version: 1\nname: search\nscene: scene.yaml\nstages:\n  best: {{ kind: design, seed: 1, objective: {{ \
+                 point: [30 mm, 25 mm], direction: 0 deg }}, constraints: {{ keep_out: [{{ {region} }}] }} }}\n"
+            ),
+        );
+        workspace.run(&["plan", "d.yaml", "--json"])
+    };
+    let key = |region: &str| {
+        let ended = plan(region);
+        assert_eq!(ended.code, Some(0), "{region}: {}", ended.stderr);
+        ended.json()["stages"][0].to_string()
+    };
+    workspace.write("same.dxf", &drawing);
+    let placed = "layer: TIP, origin: [25 mm, 25 mm]";
+    assert_eq!(
+        key(&format!("file: device.dxf, {placed}")),
+        key(&format!("file: same.dxf, {placed}"))
+    );
+    assert_ne!(
+        key(&format!("file: device.dxf, {placed}")),
+        key("file: device.dxf, layer: TIP, origin: [25 mm, 26 mm]")
+    );
+    let ended = plan("file: device.dxf, layer: RIM");
+    assert!(
+        ended.code == Some(2) && ended.stderr.contains("no curves on layer \"RIM\""),
+        "{}",
+        ended.stderr
+    );
+}
+
+#[test]
+fn drawings_that_are_no_frames_are_refused() {
+    let workspace = Workspace::new();
+    workspace.write("far.dxf", &circles(&[("FRAME", [100.0, 0.0], 20.0)]));
+    workspace.write(
+        "other.dxf",
+        &circles(&[("RIM", [0.0; 2], 20.0), ("PADS", [3.0; 2], 2.0)]),
+    );
+    let line = "0\nLINE\n8\nFRAME\n10\n0\n20\n0\n11\n9\n21\n0\n";
+    workspace.write("open.dxf", &circles(&[]).replace("0\nTEXT", &format!("{line}0\nTEXT")));
+    workspace.write(
+        "unit.dxf",
+        &circles(&[("FRAME", [0.0; 2], 20.0)]).replace("$INSUNITS", "$OTHER"),
+    );
+    workspace.write("disc.csv", &pattern(|x, _| u8::from(x < 25)));
+    let mut printed = Transcript::default();
+    for file in ["far.dxf", "other.dxf", "open.dxf", "unit.dxf", "none.dxf", "disc.csv"] {
+        let scene = drawn_scene(file, "fitted");
+        let scene = if file == "unit.dxf" {
+            scene.replace("unit: mm, ", "")
+        } else {
+            scene
+        };
+        workspace.write("scene.yaml", &scene);
+        let ended = workspace.run(&["solve", "scene.yaml", "disc.csv", "--no-checks"]);
+        assert_eq!(ended.code, Some(2), "{file}: {}", ended.stderr);
+        printed.add(file, ended.stderr);
+    }
+    snapshot!(printed);
 }
 
 #[test]

@@ -277,6 +277,11 @@ fn media_type(file: &str) -> &'static str {
     match Path::new(file).extension().and_then(|extension| extension.to_str()) {
         Some("csv") => "text/csv",
         Some("png") => "image/png",
+        Some("jpg" | "jpeg") => "image/jpeg",
+        Some("tif" | "tiff") => "image/tiff",
+        Some("bmp") => "image/bmp",
+        Some("dxf") => "image/vnd.dxf",
+        Some("svg") => "image/svg+xml",
         Some("h5" | "hdf5") => "application/x-hdf5",
         Some("npz") => "application/zip",
         _ => "application/octet-stream",

@@ -14,7 +14,7 @@ use deaflow_fem::screening::resolve;
 use deaflow_fem::{SetupError, check_covered_cells, check_leads};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
-use deaflow_stage::direct::{NamedPatterns, ReadScene};
+use deaflow_stage::direct::NamedPatterns;
 
 /// What a form of `solve` needs before it computes.
 pub struct Form {
@@ -99,7 +99,8 @@ impl<'a> Simulation<'a> {
         if form.has_attachments {
             check_attachments(arguments)?;
         }
-        let ReadScene { scene, bare_numbers } = arguments.read_scene()?;
+        let read = arguments.read_scene()?;
+        let (of_scene, scene) = (read.notes(), read.scene);
         if let States::Chosen(what) = form.states
             && !scene.states.is_empty()
         {
@@ -109,7 +110,7 @@ impl<'a> Simulation<'a> {
             );
         }
         let NamedPatterns { patterns, names, notes } = arguments.patterns.read(scene.form(), arguments.edges)?;
-        let notes = bare_numbers.into_iter().chain(notes).collect();
+        let notes = of_scene.into_iter().chain(notes).collect();
         check_leads(scene.leads.as_ref(), &patterns)?;
         decisions::decide(&scene)?;
         if patterns.iter().any(|pattern| pattern.coverage().is_some()) {

@@ -45,7 +45,7 @@ impl Curves {
         let name = match (layer, names.as_slice()) {
             (_, []) => {
                 return Err(PatternFileError::new("the drawing has no closed curves")
-                    .help("draw electrodes as lines, arcs, circles, ellipses, splines or polylines"));
+                    .help("draw areas as lines, arcs, circles, ellipses, splines or polylines"));
             }
             (Some(layer), names) => match names.iter().find(|name| *name == layer) {
                 Some(name) => name.clone(),
@@ -60,7 +60,7 @@ impl Curves {
             (None, names) => {
                 return Err(
                     PatternFileError::new(format!("the drawing has curves on {} layers", names.len()))
-                        .help(format!("name the layer of the electrodes, one of {}", listed())),
+                        .help(format!("name the layer that is read, one of {}", listed())),
                 );
             }
         };

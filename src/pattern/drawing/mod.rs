@@ -128,33 +128,57 @@ pub fn read_drawing(
     read_text(&String::from_utf8_lossy(&bytes), format, options)
 }
 
+/// Reads what a layer of a drawing fills: the first that the options name, else the only one with curves in DXF, and
+/// all in SVG.
+///
+/// # Errors
+/// As [`read_drawing`].
+pub fn read_shape(path: &Path, format: DrawingFormat, options: &DrawingOptions) -> Result<Drawing, PatternFileError> {
+    let bytes = file::bytes(path, MOST_BYTES)?;
+    let layer = options.layers.first().map(String::as_str);
+    with_layers(&String::from_utf8_lossy(&bytes), format, options, |_, of| of(layer))
+}
+
 fn read_text(
     text: &str,
     format: DrawingFormat,
     options: &DrawingOptions,
 ) -> Result<Vec<(usize, Drawing)>, PatternFileError> {
-    let placed = |group: usize, (filled, notes): (Vec<Contours>, Vec<String>)| {
-        let filled = filled.into_iter().map(|contours| placed(contours, options)).collect();
-        (group, Drawing { filled, notes })
+    with_layers(text, format, options, |names, of| {
+        let groups = groups_of(&options.layers, names.iter().copied());
+        let each = groups.into_iter();
+        each.map(|(group, layer)| Ok((group, of(layer.as_deref())?))).collect()
+    })
+}
+
+/// Returns what a layer fills, or all layers.
+type OfLayer<'a> = &'a dyn Fn(Option<&str>) -> Result<Drawing, PatternFileError>;
+
+/// Reads a drawing by the names of its layers and a reader of one.
+fn with_layers<T>(
+    text: &str,
+    format: DrawingFormat,
+    options: &DrawingOptions,
+    read: impl FnOnce(&[&str], OfLayer<'_>) -> Result<T, PatternFileError>,
+) -> Result<T, PatternFileError> {
+    let placed = |(filled, notes): (Vec<Contours>, Vec<String>)| Drawing {
+        filled: filled.into_iter().map(|contours| placed(contours, options)).collect(),
+        notes,
     };
     match format {
         DrawingFormat::Dxf => {
             let curves = dxf::read(text, options.unit_mm)?;
-            let groups = groups_of(&options.layers, curves.layers());
-            let of = |(group, layer): (usize, Option<String>)| {
-                let (contours, notes) = curves.contours(layer.as_deref(), options.join_mm)?;
+            let of = |layer: Option<&str>| {
+                let (contours, notes) = curves.contours(layer, options.join_mm)?;
                 let rule = FillRule::EvenOdd;
-                Ok(placed(group, (vec![Contours { contours, rule }], notes)))
+                Ok(placed((vec![Contours { contours, rule }], notes)))
             };
-            groups.into_iter().map(of).collect()
+            read(&curves.layers().collect::<Vec<_>>(), &of)
         }
         DrawingFormat::Svg => {
             let document = svg::parse(text)?;
-            let groups = groups_of(&options.layers, svg::names(&document));
-            let of = |(group, layer): (usize, Option<String>)| {
-                Ok(placed(group, svg::read(&document, options.unit_mm, layer.as_deref())?))
-            };
-            groups.into_iter().map(of).collect()
+            let of = |layer: Option<&str>| Ok(placed(svg::read(&document, options.unit_mm, layer)?));
+            read(&svg::names(&document).collect::<Vec<_>>(), &of)
         }
     }
 }

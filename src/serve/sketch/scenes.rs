@@ -54,7 +54,7 @@ fn document(named: &NamedScene) -> Value {
     json!({
         "name": named.name,
         "text": scene.to_text(),
-        "note": named.bare_numbers,
+        "note": named.notes,
         "columns": columns,
         "rows": rows,
         "size_mm": membrane.size_mm,

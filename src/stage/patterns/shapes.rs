@@ -3,57 +3,21 @@
 use std::path::Path;
 
 use super::super::files::NamedFile;
-use deaflow_base::{
-    Angle, Canonical, Decimal, Declared, Fields, InputError, Length, Map, Node, Parameter, Schema, parameters,
-};
+use deaflow_base::{Canonical, Decimal, Declared, Fields, InputError, Map, Node, Parameter, Schema, parameters};
 use deaflow_pattern::{
-    Bits, Contours, DrawingFormat, DrawingOptions, DrawingUnit, Edges, GroupRegion, Pattern, PatternFileError,
-    PatternForm, Region, pattern_of, read_drawing, read_patterns_of,
+    Bits, Contours, DrawingFormat, DrawingOptions, Edges, GroupRegion, Pattern, PatternFileError, PatternForm,
+    PictureFormat, Region, pattern_of, read_drawing, read_patterns_of,
 };
-use deaflow_scene::{Position, Shape, Shapes};
+use deaflow_scene::{Placement, Shape, Shapes, Text};
 
 /// The key of a drawing.
 const FILE: &str = "file";
-
-/// The largest coordinate in mm at which the origin of a drawing may be placed.
-const FARTHEST: f64 = 1e9;
-
-/// The factors by which a drawing may be enlarged.
-const SCALES: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
-
-/// The largest distance in mm between ends that are joined.
-const JOINS: std::ops::RangeInclusive<f64> = 1e-9..=10.0;
 
 /// The dark shares that can make a cell an electrode.
 const THRESHOLDS: std::ops::RangeInclusive<f64> = 1e-3..=1.0;
 
 /// The largest number of a group.
 const MOST_GROUPS: u64 = Pattern::MOST_GROUPS as u64;
-
-/// A text, such as the name of a layer.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Text(String);
-
-impl Parameter for Text {
-    type Limits = ();
-    type Literal = Self;
-
-    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
-        node.text(key).map(|text| Self(text.to_owned()))
-    }
-
-    fn canonical(&self) -> Option<Canonical> {
-        Some(Canonical::from(self.0.as_str()))
-    }
-
-    fn schema((): &()) -> Schema {
-        Schema::text()
-    }
-
-    fn literal(literal: Self) -> Self {
-        literal
-    }
-}
 
 parameters! {
     /// A shape with electrodes.
@@ -65,32 +29,30 @@ parameters! {
         /// The shape.
         shape: Shape,
     }
+    rules(without_files)
+}
+
+/// Removes the keys of drawings, which have a mapping of their own.
+fn without_files(fields: Fields) -> Fields {
+    let keys = [Placement::keys(), vec![FILE]].concat();
+    keys.into_iter().fold(fields, Fields::without)
 }
 
 parameters! {
     /// A drawing in DXF or SVG, or a picture of the membrane.
     struct DrawnFile as "a drawing of a patterns stage" {
-        /// FILE.dxf, FILE.svg or FILE.png, relative to the pipeline's file.
+        /// FILE.dxf, FILE.svg or a picture (.png, .jpg, .tif, .bmp), relative to the pipeline's file.
         file: Text,
         /// Its electrode group; without it 1, or the groups of layers that are named ELECTRODE_1 and so on.
         group: Option<u64> [1..=MOST_GROUPS],
-        /// The layer with the electrodes; without it layers named ELECTRODE, else the only one with curves in DXF, and
-        /// all in SVG.
-        layer: Option<Text>,
-        /// The unit of its lengths; without it the unit that the file states.
-        unit: Option<DrawingUnit>,
-        /// Where the origin of the drawing lies on the membrane. That of SVG is the lower left corner of the page.
-        origin: Option<Position> [-FARTHEST..=FARTHEST],
-        /// The factor by which it is enlarged about its origin.
-        scale: Option<Decimal> [SCALES],
-        /// The angle by which it is turned about its origin, anticlockwise.
-        angle: Option<Angle> [-360.0..=360.0],
-        /// The largest distance between ends of curves that are joined; 1 um if it is not given.
-        join: Option<Length> [JOINS],
         /// The dark share from which on a cell of a picture is an electrode; 0.5 if it is not given.
         threshold: Option<Decimal> [THRESHOLDS],
         /// What is left out of it: shapes.
         without: Option<Shapes>,
+    }
+    include {
+        /// What is read of a drawing, and where it lies.
+        placement: Placement,
     }
     check(check_file)
 }
@@ -98,12 +60,9 @@ parameters! {
 /// Checks that drawings have no keys of pictures, and pictures none of drawings.
 fn check_file(_: &DrawnFile, map: &Map<'_>) -> Result<(), InputError> {
     let name = map.required("a drawing of a patterns stage", FILE)?.text(FILE)?;
-    let (keys, what): (&[&str], _) = match is_picture(Path::new(name)) {
-        true => (
-            &["layer", "unit", "origin", "scale", "angle", "join"],
-            "a picture covers the membrane",
-        ),
-        false => (&["threshold"], "a drawing has no greys"),
+    let (keys, what) = match is_picture(Path::new(name)) {
+        true => (Placement::keys(), "a picture covers the membrane"),
+        false => (vec!["threshold"], "a drawing has no greys"),
     };
     match keys.iter().find_map(|key| Some((key, map.optional(key)?))) {
         Some((key, node)) => Err(node
@@ -114,8 +73,7 @@ fn check_file(_: &DrawnFile, map: &Map<'_>) -> Result<(), InputError> {
 }
 
 fn is_picture(path: &Path) -> bool {
-    path.extension()
-        .is_some_and(|extension| extension.eq_ignore_ascii_case("png"))
+    PictureFormat::of(path).is_some()
 }
 
 /// A shape with electrodes, or a drawing.
@@ -155,18 +113,10 @@ impl Parameter for Drawn {
 
 impl DrawnFile {
     fn options(&self) -> DrawingOptions {
-        let usual = DrawingOptions::default();
+        let placed = self.placement.options();
         DrawingOptions {
-            layers: self.layer.iter().map(|layer| layer.0.clone()).collect(),
-            unit_mm: self.unit.map(DrawingUnit::mm),
-            origin_mm: self
-                .origin
-                .map_or(usual.origin_mm, |origin| origin.map(|at| at.value())),
-            scale: self.scale.map_or(usual.scale, Decimal::to_f64),
-            degrees: self.angle.map_or(usual.degrees, |angle| angle.value()),
-            join_mm: self.join.map_or(usual.join_mm, |join| join.value()),
-            threshold: self.threshold.map_or(usual.threshold, Decimal::to_f64),
-            edges: usual.edges,
+            threshold: self.threshold.map_or(placed.threshold, Decimal::to_f64),
+            ..placed
         }
     }
 
@@ -188,7 +138,10 @@ impl DrawnFile {
                 let cells = read.patterns.iter().map(Bits::of).map(Region::Cells);
                 Ok(cells.map(|cells| (1, cells, read.notes.clone())).collect())
             }
-            None => Err(file.refused(&"not a drawing or a picture", "allowed: .dxf, .svg and .png")),
+            None => {
+                let allowed = format!("allowed: .dxf, .svg, {}", PictureFormat::EXTENSIONS);
+                Err(file.refused(&"not a drawing or a picture", &allowed))
+            }
         }
     }
 
@@ -225,10 +178,13 @@ pub fn pattern(
     let (mut regions, mut notes) = (Vec::new(), Vec::new());
     for (Drawn(source), node) in drawn.iter().zip(nodes) {
         match source {
-            Source::Shape(own) => regions.push(GroupRegion {
-                group: own.group as usize,
-                region: own.shape.region(),
-            }),
+            Source::Shape(own) => {
+                regions.push(GroupRegion {
+                    group: own.group as usize,
+                    region: own.shape.region(),
+                });
+                notes.extend(own.shape.notes());
+            }
             Source::File(file) => {
                 let (of_file, told) = file.regions(node, form)?;
                 regions.extend(of_file);
@@ -240,13 +196,6 @@ pub fn pattern(
     let (pattern, told) = found.map_err(|refusal| node.error(refusal.to_string()).help(refusal.advice(form)))?;
     notes.extend(told);
     Ok((pattern, notes))
-}
-
-/// Returns the drawings that shapes name.
-pub fn files(shapes: &Node) -> Vec<String> {
-    let nodes = shapes.list("shapes").unwrap_or_default();
-    let named = nodes.iter().filter_map(|node| node.peek(FILE)?.text(FILE).ok());
-    named.map(str::to_owned).collect()
 }
 
 /// Allows either files or shapes.

@@ -220,7 +220,7 @@ stages:
 ";
 
 /// Shapes of patterns.
-const SHAPES: [&str; 12] = [
+const SHAPES: [&str; 13] = [
     "rectangle: [[5 mm, 5 mm], [45 mm, 40 mm]]",
     "rectangle: { corners: [[5 mm, 5 mm], [45 mm, 40 mm]], angle: 5 deg, corner: 3 mm }",
     "disc: { centre: [25 mm, 25 mm], radius: 4 mm }",
@@ -232,12 +232,19 @@ const SHAPES: [&str; 12] = [
     "mask: { columns: 50, rows: 50, runs: [100, 50, 2350] }",
     "union: [{ rectangle: [[5 mm, 5 mm], [45 mm, 40 mm]] }]",
     "intersect: [{ rectangle: [[5 mm, 5 mm], [45 mm, 40 mm]] }]",
+    "contours: [{ rule: even-odd, curves: [{ from: [20 mm, 20 mm], to: [{ line: [30 mm, 20 mm] }, { line: [30 mm, 30 mm] }] }] }]",
     "file: tests/it/schema/own.png, threshold: 0.4",
     "file: tests/it/schema/own.dxf, layer: E, unit: mm, origin: [20 mm, 20 mm], scale: 2, angle: 10 deg, join: 1 um,
       without: [{ rectangle: [[20 mm, 20 mm], [22 mm, 22 mm]] }]",
 ];
 
-const GEOMETRIES: [&str; 7] = [
+const GEOMETRIES: [&str; 8] = [
+    "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, frame: { opening: { contours: [{ rule: even-odd, curves: [{ from: [45 mm, 25 mm],
+      to: [{ arc: { centre: [25 mm, 25 mm], axes: [[20 mm, 0 mm], [0 mm, 20 mm]], start: 0, sweep: 6 } }, { line: [45 mm, 25 mm] },
+      { cubic: [[46 mm, 25 mm], [46 mm, 26 mm], [45 mm, 25 mm]] }] }] }] },
+      held: [{ file: tests/it/schema/own.dxf, layer: E, unit: mm, origin: [12 mm, 12 mm], scale: 0.8, angle: 10 deg, join: 1 um }] },
+      bodies: [{ file: tests/it/schema/own.dxf, layer: E, unit: mm, origin: [30 mm, 30 mm], scale: 0.8, angle: 10 deg, join: 1 um },
+      { contours: [{ rule: nonzero, curves: [{ from: [30 mm, 20 mm], to: [{ line: [34 mm, 20 mm] }, { line: [30 mm, 24 mm] }] }] }] }] }",
     "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 4, frame: { opening: { mask: { columns: 4, rows: 4, runs: [0, 16] } },
       held: [{ mask: { columns: 4, rows: 4, runs: [0, 1, 15] } }] }, bodies: [{ mask: { columns: 4, rows: 4, runs: [10, 1, 5] } }] }",
     "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }",

@@ -370,7 +370,7 @@ fn layers_are_named_and_what_is_ignored_is_told() {
     );
     let error = read(&text).unwrap_err();
     assert!(
-        error.contains("curves on 2 layers [name the layer of the electrodes, one of E, NOTES]"),
+        error.contains("curves on 2 layers [name the layer that is read, one of E, NOTES]"),
         "{error}"
     );
     let on = |layer: &str| {
