@@ -70,7 +70,10 @@ fn own_elements(artifact: &Artifact, path: &str, rows: Range<usize>) -> Result<D
 /// # Errors
 /// If there is no such array.
 pub fn patterns(artifact: &Artifact) -> Result<(String, [usize; 3]), ApiError> {
-    let is_patterns = |content: &&Content| content.axes.len() == 3 && content.axes[1..] == ["y", "x"];
+    // The shares of cells that are covered in part have the axes of patterns.
+    let is_patterns = |content: &&Content| {
+        content.axes.len() == 3 && content.axes[1..] == ["y", "x"] && !content.path.starts_with("covered/")
+    };
     let found = artifact.contents()?.iter().find(is_patterns).ok_or_else(no_patterns)?;
     let shape = <[usize; 3]>::try_from(found.shape.as_slice()).ok();
     let shape = shape.filter(|shape| !shape.contains(&0)).ok_or_else(no_patterns)?;

@@ -75,6 +75,7 @@ fn route(state: &Arc<ServerState>, request: &Request) -> Result<Response, ApiErr
             ["artifacts", digest, "judged"] => browse::model_errors(state, request, digest),
             ["artifacts", digest, "prediction"] => browse::prediction(state, request, digest),
             ["artifacts", digest, "arrays"] => browse::arrays(state, request, digest),
+            ["artifacts", digest, "shapes"] => browse::shapes(state, request, digest),
             ["artifacts", digest, "page"] => browse::figures(state, request, digest),
             _ => Err(unknown_path()),
         },
@@ -99,7 +100,7 @@ fn is_known(path: &[&str]) -> bool {
             | [
                 "artifacts",
                 _,
-                "rows" | "arrays" | "neighbours" | "again" | "judged" | "prediction" | "page"
+                "rows" | "arrays" | "shapes" | "neighbours" | "again" | "judged" | "prediction" | "page"
             ]
     )
 }

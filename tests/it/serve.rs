@@ -321,14 +321,18 @@ fn what_is_asked_cannot_reach_files_or_change_anything() {
         json!({ "set": { "scene": "secret.yaml" } }),
         json!({ "set": { "stages.small.files": ["/etc/passwd"] } }),
         json!({ "set": { "scene.geometry.frame": { "mask": "/etc/passwd" } } }),
+        json!({ "set": { "scene.geometry.frame": { "opening": { "file": "/etc/passwd.dxf" } } } }),
     ] {
         let reply = server.post("/api/plan", &body);
         assert!(matches!(reply.status, 400 | 404), "{body}: {}", reply.text());
         assert!(!reply.text().contains("root:"));
     }
-    let masked = scene_file().replace("cells: 50", "cells: 50, frame: { mask: /etc/passwd }");
-    let reply = server.post("/api/sketch", &json!({ "scene": masked, "pattern": rows(disc) }));
-    assert_eq!(reply.status, 400, "{}", reply.text());
+    for shape in ["mask: /etc/passwd", "file: frame.dxf"] {
+        let masked = scene_file().replace("cells: 50", &format!("cells: 50, frame: {{ opening: {{ {shape} }} }}"));
+        let reply = server.post("/api/sketch", &json!({ "scene": masked, "pattern": rows(disc) }));
+        assert_eq!(reply.status, 400, "{}", reply.text());
+        assert!(reply.text().contains("must not name files"), "{}", reply.text());
+    }
     for (method, path) in [("POST", "/api/run"), ("DELETE", "/api/run")] {
         assert_eq!(
             server.request(method, path, &[&server.bearer()], b"{}").status,
@@ -528,6 +532,7 @@ fn no_request_brings_the_server_down() {
         format!("/api/artifacts/{solved}"),
         format!("/api/artifacts/{solved}/rows"),
         format!("/api/artifacts/{solved}/arrays"),
+        format!("/api/artifacts/{solved}/shapes"),
         format!("/api/artifacts/{solved}/page"),
         format!("/api/artifacts/{solved}/neighbours"),
         format!("/api/artifacts/{solved}/again"),

@@ -12,6 +12,7 @@ mod resimulate;
 mod rows;
 mod run;
 mod runs;
+mod shapes;
 
 pub use arrays::arrays;
 pub use artifacts::{artifact, artifacts};
@@ -24,3 +25,4 @@ pub use resimulate::resimulate;
 pub use rows::rows;
 pub use run::run;
 pub use runs::{one_run, runs, status};
+pub use shapes::shapes;

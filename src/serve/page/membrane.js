@@ -93,6 +93,26 @@ export function drawPattern(canvas, pattern, more = {}) {
       const [x, y] = [at % columns, rows - 1 - Math.floor(at / columns)];
       context.fillRect((x + 0.35) * dx, (y + 0.35) * dy, 0.3 * dx, 0.3 * dy);
     });
+  } else if (pattern.shapes) {
+    const groups = new Set(pattern.shapes.map((shape) => shape.group));
+    for (const group of groups) {
+      const path = new Path2D();
+      for (const shape of pattern.shapes) if (shape.group === group) ring(path, shape.ring.map(([x, y]) => [x * width, (1 - y) * height]));
+      context.fillStyle = groupColour(group);
+      context.fill(path, "evenodd");
+    }
+  } else if (pattern.covered) {
+    const { share, group } = pattern.covered;
+    for (let at = 0; at < columns * rows; at += 1) {
+      if (!share[at]) continue;
+      context.globalAlpha = share[at];
+      context.fillStyle = groupColour(group[at]);
+      // Cells must not overlap, since they are transparent.
+      const [x, y] = [at % columns, rows - 1 - Math.floor(at / columns)];
+      const [left, top] = [Math.round(x * dx), Math.round(y * dy)];
+      context.fillRect(left, top, Math.round((x + 1) * dx) - left, Math.round((y + 1) * dy) - top);
+    }
+    context.globalAlpha = 1;
   } else {
     const groups = pattern.cells.reduce((most, value) => Math.max(most, value), 0);
     for (let group = 1; group <= groups; group += 1) {
@@ -124,6 +144,12 @@ export function drawPattern(canvas, pattern, more = {}) {
     context.lineWidth = 2;
     context.strokeRect(more.cursor[0] * dx, (rows - 1 - more.cursor[1]) * dy, dx, dy);
   }
+}
+
+/** Adds a closed polygon to a path. @param {Path2D|CanvasRenderingContext2D} path @param {number[][]} corners */
+function ring(path, corners) {
+  corners.forEach(([x, y], at) => (at ? path.lineTo(x, y) : path.moveTo(x, y)));
+  path.closePath();
 }
 
 /** Calls a function for runs of cells of a row with one value: first cell, and cell after the last. @param {Pattern} pattern @param {number} y @param {number} value @param {(from: number, to: number) => void} each */
@@ -283,6 +309,21 @@ function outline(context, pattern, px, py) {
   const { columns, rows, cells } = pattern;
   const at = (/** @type {number} */ x, /** @type {number} */ y) => (x < 0 || y < 0 || x >= columns || y >= rows ? 0 : cells[y * columns + x]);
   context.beginPath();
+  context.strokeStyle = "rgba(255,255,255,.75)";
+  context.lineWidth = 1;
+  if (pattern.shapes) {
+    // Between the corners of cells they move as these do.
+    const moved = (/** @type {[number, number]} */ [u, v]) => {
+      const [x, y] = [u * columns, v * rows];
+      const [left, low] = [Math.min(Math.floor(x), columns - 1), Math.min(Math.floor(y), rows - 1)];
+      const [s, t, corner] = [x - left, y - low, low * (columns + 1) + left];
+      const of = (/** @type {Float32Array} */ p) => (1 - t) * ((1 - s) * p[corner] + s * p[corner + 1]) + t * ((1 - s) * p[corner + columns + 1] + s * p[corner + columns + 2]);
+      return [of(px), of(py)];
+    };
+    for (const shape of pattern.shapes) ring(context, shape.ring.map(moved));
+    context.stroke();
+    return;
+  }
   const edge = (/** @type {number} */ a, /** @type {number} */ b) => {
     context.moveTo(px[a], py[a]);
     context.lineTo(px[b], py[b]);
@@ -294,8 +335,6 @@ function outline(context, pattern, px, py) {
       if (y < rows && at(x, y) !== at(x - 1, y)) edge(corner, corner + columns + 1);
     }
   }
-  context.strokeStyle = "rgba(255,255,255,.75)";
-  context.lineWidth = 1;
   context.stroke();
 }
 

@@ -30,6 +30,10 @@ export class Pattern {
     this.columns = columns;
     this.rows = rows;
     this.cells = cells ?? new Uint8Array(columns * rows);
+    /** Shapes that elements follow instead of cells, in fractions of the sides. @type {{group: number, ring: [number, number][]}[]|null} */
+    this.shapes = null;
+    /** The covered share of each cell and its group, if cells are covered in part. @type {{share: ArrayLike<number>, group: ArrayLike<number>}|null} */
+    this.covered = null;
   }
 
   /** @param {number[][]} rows */

@@ -1,22 +1,27 @@
 // Pictures of rows of artifacts: patterns, and fields if there are any.
 
-import { frame } from "./server.js";
+import { frame, json } from "./server.js";
 import { h, number } from "./elements.js";
 import { drawMembrane, drawPattern, magnitudes } from "./membrane.js";
 import { Pattern } from "./pattern.js";
 
 /** The arrays of patterns and of fields along an axis. @param {any} found @param {string} axis */
 export function drawn(found, axis) {
-  const of = (/** @type {(axes: string[]) => boolean} */ fits) => found.datasets.find((/** @type {any} */ one) => one.axes[0] === axis && fits(one.axes.slice(1)));
+  const of = (/** @type {(axes: string[]) => boolean} */ fits) => found.datasets.find((/** @type {any} */ one) => one.axes[0] === axis && !isShare(one) && fits(one.axes.slice(1)));
   return {
     patterns: of((axes) => axes.length === 2 && axes.every((name) => name === "y" || name === "x")),
     field: of((axes) => axes.length === 3 && axes[2] === "xy" && axes.every((name) => name !== "time")),
   };
 }
 
+/** Whether an array has the covered shares of cells. @param {any} one */
+function isShare(one) {
+  return one.path.startsWith("covered/");
+}
+
 /** The array of patterns of an artifact. @param {any} found */
 export function patternsOf(found) {
-  return found.datasets.find((/** @type {any} */ one) => one.axes.length === 3 && one.axes[1] === "y" && one.axes[2] === "x");
+  return found.datasets.find((/** @type {any} */ one) => !isShare(one) && one.axes.length === 3 && one.axes[1] === "y" && one.axes[2] === "x");
 }
 
 /** Reads the patterns of rows. @param {any} found @param {number[]} rows @returns {Promise<Pattern[]>} */
@@ -26,7 +31,27 @@ export async function patternsAt(found, rows) {
   const { arrays } = await frame(`artifacts/${found.digest}/arrays?paths=${encodeURIComponent(array.path)}&rows=${rows.join(",")}`);
   const { shape, data } = arrays[array.path];
   const cells = shape[1] * shape[2];
-  return rows.map((_, at) => new Pattern(shape[2], shape[1], Uint8Array.from(data.slice(at * cells, (at + 1) * cells))));
+  return withEdges(found, rows, rows.map((_, at) => new Pattern(shape[2], shape[1], Uint8Array.from(data.slice(at * cells, (at + 1) * cells)))));
+}
+
+/** Adds to the patterns of rows the shapes that elements follow, or the shares of cells that are covered in part. @param {any} found @param {number[]} rows @param {Pattern[]} patterns @returns {Promise<Pattern[]>} */
+export async function withEdges(found, rows, patterns) {
+  const has = (/** @type {string} */ path) => found.datasets.some((/** @type {any} */ one) => one.path === path);
+  if (!rows.length) return patterns;
+  if (has("electrodes/polygons")) {
+    const { shapes } = await json(`artifacts/${found.digest}/shapes?rows=${rows.join(",")}`);
+    patterns.forEach((pattern, at) => {
+      if (shapes[at].length) pattern.shapes = shapes[at];
+    });
+  }
+  if (has("covered/share")) {
+    const { arrays } = await frame(`artifacts/${found.digest}/arrays?paths=${encodeURIComponent("covered/share,covered/group")}&rows=${rows.join(",")}`);
+    patterns.forEach((pattern, at) => {
+      const own = (/** @type {string} */ path) => arrays[path].data.slice(at * pattern.cells.length, (at + 1) * pattern.cells.length);
+      pattern.covered = { share: own("covered/share"), group: own("covered/group") };
+    });
+  }
+  return patterns;
 }
 
 /** Sides of the membrane in mm from the scene of the artifact; numbers of cells without a scene. @param {any} found @param {Pattern} pattern @returns {[number, number]} */

@@ -4,7 +4,7 @@ import { frame, json } from "./server.js";
 import { attempt, cell, choice, h, labelled, number, problem, replace, settled, short } from "./elements.js";
 import { charts } from "./chart.js";
 import { drawBar, drawMembrane, drawPattern, magnitudes } from "./membrane.js";
-import { card, drawField, drawn, patternsAt, rowLink, size } from "./pictures.js";
+import { card, drawField, drawn, patternsAt, rowLink, size, withEdges } from "./pictures.js";
 import { lineage } from "./origin.js";
 import { Pattern } from "./pattern.js";
 import { valueOf, within, withOnly } from "./filter.js";
@@ -186,6 +186,7 @@ export async function rowsView(place, found, query) {
       return { button, canvas, pattern: new Pattern(shape[2], shape[1], Uint8Array.from(data.slice(at * cells, (at + 1) * cells))) };
     };
     const made = answer.numbers.map(card);
+    await withEdges(found, answer.numbers, made.map((/** @type {any} */ one) => one.pattern));
     replace(cards, made.map((/** @type {any} */ one) => one.button));
     made.forEach((/** @type {any} */ one) => drawPattern(one.canvas, one.pattern));
     if (chosen !== null) await sample(chosen, answer);
@@ -203,7 +204,7 @@ export async function rowsView(place, found, query) {
     const paths = [patterns, field].filter(Boolean).map((/** @type {any} */ array) => array.path);
     const { arrays } = await frame(`artifacts/${found.digest}/arrays?paths=${encodeURIComponent(paths.join(","))}&rows=${id}`);
     const { shape, data } = arrays[patterns.path];
-    const pattern = new Pattern(shape[2], shape[1], Uint8Array.from(data));
+    const [pattern] = await withEdges(found, [id], [new Pattern(shape[2], shape[1], Uint8Array.from(data))]);
     // The row of a link may be on another page.
     const at = answer.numbers.indexOf(id);
     const row = at < 0 ? (await json(`artifacts/${found.digest}/rows?limit=1&offset=${id}&along=${encodeURIComponent(answer.axis)}`)).rows[0] ?? [] : answer.rows[at];

@@ -2,6 +2,7 @@
 
 use serde_json::json;
 
+use super::super::common::scene_file;
 use super::super::import;
 use super::answers::{MODEL, long_run};
 use super::server::Server;
@@ -229,7 +230,7 @@ fn numbers_of_before_are_grey_and_shapes_are_drawn_by_keys() {
     tab.until("window.saved.length === 1 && window.saved[0] === 'disc.csv'");
     // What is no pattern is refused before it is sent.
     tab.value("(() => { const input = document.querySelector('input[type=file]'); const data = new DataTransfer(); data.items.add(new File(['x'], 'notes.txt')); input.files = data.files; input.dispatchEvent(new Event('change')) })()");
-    tab.until("document.body.innerText.includes('cannot open “notes.txt”: unknown format') && document.body.innerText.includes('allowed: png, csv, npy, svg, dxf')");
+    tab.until("document.body.innerText.includes('cannot open “notes.txt”: unknown format') && document.body.innerText.includes('allowed: png, jpg, jpeg, tif, tiff, bmp, csv, npy, svg, dxf')");
     // An effect without data cannot be switched on, and says why.
     assert_eq!(
         tab.value("document.querySelector('input[name=strain_stiffening]').disabled"),
@@ -435,5 +436,70 @@ fn a_repeated_pattern_is_shown_with_its_partner_and_what_waits_for_the_audit() {
     );
     tab.value("[...document.querySelectorAll('button')].find((button) => button.textContent === 'Save the list of marked rows').click()");
     tab.until("window.saved.length === 1 && window.saved[0].startsWith('findings-')");
+    assert_eq!(tab.complaints, Vec::<String>::new());
+}
+
+/// The drawn share of a canvas without its edge: its mean colour between that of paper and of the first group.
+const DRAWN_SHARE: &str = "(canvas => { const { width, height } = canvas; \
+    const data = canvas.getContext('2d').getImageData(0, 0, width, height).data; const edge = 6; \
+    const paper = data[4 * (edge * width + edge)]; let sum = 0; \
+    for (let y = edge; y < height - edge; y += 1) for (let x = edge; x < width - edge; x += 1) \
+    sum += (paper - data[4 * (y * width + x)]) / (paper - 0x2b); return sum / (width * height); })";
+
+#[test]
+fn drawn_electrodes_are_shown_with_their_edges() {
+    let Some(mut tab) = Tab::open() else { return };
+    let workspace = with_scene();
+    let coarse = scene_file().replace("cells: 50", "cells: 16");
+    workspace.write("scene.yaml", &coarse);
+    let shapes = "shapes: [{ ring: { centre: [25 mm, 25 mm], radii: [3.3 mm, 9 mm] } }]";
+    let stages: String = ["fitted", "coverage", "cells"]
+        .iter()
+        .map(|edges| {
+            format!(
+                "  {edges}: {{ kind: patterns, edges: {edges}, {shapes} }}\n  solved-{edges}: {{ kind: solve, needs: \
+                 [{edges}], elements_per_cell: 2 }}\n"
+            )
+        })
+        .collect();
+    workspace.write(
+        "edges.yaml",
+        &format!("version: 1\nname: edges\nscene: scene.yaml\nstages:\n{stages}"),
+    );
+    let digests = workspace.stages(&["run", "edges.yaml"]).digests();
+    let server = Server::start(&workspace, &["serve", "edges.yaml"]);
+    let at = |path: &str| server.get(&format!("/api/artifacts/{}", digests["solved-fitted"].clone() + path));
+    let reply = at("/shapes?rows=0").json();
+    let rings = reply["shapes"][0].as_array().unwrap();
+    assert_eq!(rings.len(), 2, "a ring has an outer and an inner edge");
+    for vertex in rings.iter().flat_map(|ring| ring["ring"].as_array().unwrap()) {
+        let [x, y] = [0, 1].map(|axis| 50.0 * vertex[axis].as_f64().unwrap() - 25.0);
+        let radius = x.hypot(y);
+        assert!((radius - 9.0).abs() < 1e-5 || (radius - 3.3).abs() < 1e-5, "{radius}");
+    }
+    assert_eq!((at("/shapes?rows=1").status, at("/shapes?rows=a").status), (404, 400));
+    let of_cells = server.get(&format!("/api/artifacts/{}/shapes?rows=0", digests["solved-cells"]));
+    assert_eq!(of_cells.status, 404, "{}", of_cells.text());
+    tab.screen(1440, 900, "light");
+    tab.go(&server.url);
+    tab.until("document.querySelector('#views a')");
+    let exact = std::f64::consts::PI * (81.0 - 3.3 * 3.3) / 2500.0;
+    for (edges, most) in [("fitted", 0.01), ("coverage", 0.01), ("cells", 0.2)] {
+        for stage in [edges.to_owned(), format!("solved-{edges}")] {
+            let digest = &digests[&stage];
+            tab.go(&format!(
+                "http://127.0.0.1:{}/#/artifacts/{digest}?tab=rows&row=0",
+                server.port
+            ));
+            tab.until("document.querySelector('canvas[aria-label=Pattern]')");
+            std::thread::sleep(std::time::Duration::from_millis(400));
+            let share = tab.value(&format!("{DRAWN_SHARE}(document.querySelector('button.card canvas'))"));
+            let share = share.as_f64().unwrap();
+            assert!((share / exact - 1.0).abs() < most, "{stage}: {share} of {exact}");
+            if stage.starts_with("solved") {
+                photographed(&mut tab, &format!("edges-{edges}"));
+            }
+        }
+    }
     assert_eq!(tab.complaints, Vec::<String>::new());
 }
