@@ -32,10 +32,21 @@ parameters! {
     rules(without_files)
 }
 
-/// Removes the keys of drawings, which have a mapping of their own.
+/// The keys of drawings, which have a mapping of their own.
+fn of_files() -> Vec<&'static str> {
+    [Placement::keys(), vec![FILE]].concat()
+}
+
 fn without_files(fields: Fields) -> Fields {
-    let keys = [Placement::keys(), vec![FILE]].concat();
-    keys.into_iter().fold(fields, Fields::without)
+    of_files().into_iter().fold(fields, Fields::without)
+}
+
+impl DrawnShape {
+    fn read_own(node: &Node) -> Result<Self, InputError> {
+        let others = of_files();
+        let keys: Vec<&str> = Self::keys().into_iter().filter(|key| !others.contains(key)).collect();
+        Self::read_map(&node.fields(Self::WHAT, &keys)?)
+    }
 }
 
 parameters! {
@@ -93,7 +104,7 @@ impl Parameter for Drawn {
     fn read(node: &Node, _key: &str, (): &()) -> Result<Self, InputError> {
         match node.peek(FILE) {
             Some(_) => DrawnFile::read_with(node, &[]).map(|own| Self(Source::File(Box::new(own)))),
-            None => DrawnShape::read_with(node, &[]).map(|own| Self(Source::Shape(Box::new(own)))),
+            None => DrawnShape::read_own(node).map(|own| Self(Source::Shape(Box::new(own)))),
         }
     }
 

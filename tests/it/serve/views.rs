@@ -484,14 +484,18 @@ fn drawn_electrodes_are_shown_with_their_edges() {
     tab.go(&server.url);
     tab.until("document.querySelector('#views a')");
     let exact = std::f64::consts::PI * (81.0 - 3.3 * 3.3) / 2500.0;
-    for (edges, most) in [("fitted", 0.01), ("coverage", 0.01), ("cells", 0.2)] {
+    for (edges, most) in [("fitted", 0.01), ("coverage", 0.02), ("cells", 0.2)] {
         for stage in [edges.to_owned(), format!("solved-{edges}")] {
             let digest = &digests[&stage];
             tab.go(&format!(
                 "http://127.0.0.1:{}/#/artifacts/{digest}?tab=rows&row=0",
                 server.port
             ));
-            tab.until("document.querySelector('canvas[aria-label=Pattern]')");
+            tab.until(&format!(
+                "document.querySelector('h1')?.textContent.includes('{}') && \
+                 document.querySelector('button.card canvas') && document.querySelector('canvas[aria-label=Pattern]')",
+                &digest[..12]
+            ));
             std::thread::sleep(std::time::Duration::from_millis(400));
             let share = tab.value(&format!("{DRAWN_SHARE}(document.querySelector('button.card canvas'))"));
             let share = share.as_f64().unwrap();
