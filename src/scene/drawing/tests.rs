@@ -40,8 +40,11 @@ fn help(error: &InputError) -> String {
     miette::Diagnostic::help(error).map_or_else(String::new, |help| help.to_string())
 }
 
-/// A drawing in mm of entities, each with its layer and pairs.
-fn dxf(entities: &[(&str, &str, &[(i32, f64)])]) -> String {
+/// An entity of a drawing: its kind, its layer and its pairs.
+type Entity<'a> = (&'a str, &'a str, &'a [(i32, f64)]);
+
+/// A drawing of entities in mm.
+fn dxf(entities: &[Entity<'_>]) -> String {
     let mut text = "0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n4\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n".to_owned();
     for (kind, layer, pairs) in entities {
         write!(text, "0\n{kind}\n8\n{layer}\n").unwrap();
@@ -176,7 +179,7 @@ fn curves_of_all_kinds_are_kept_to_the_bit() {
                     (21, 3.3),
                     (40, 0.7),
                     (41, 0.0),
-                    (42, 6.283_185_307_179_586),
+                    (42, std::f64::consts::TAU),
                 ],
             ),
             (
