@@ -276,7 +276,10 @@ fn complete_scenes_of_stages(root: &mut Node, registry: &Registry) -> Result<(),
         return Ok(());
     };
     for name in stages.keys() {
-        if let Some(scene) = stages.child_mut(&name).and_then(|stage| stage.child_mut(sweep::SWEPT_SCENE)) {
+        if let Some(scene) = stages
+            .child_mut(&name)
+            .and_then(|stage| stage.child_mut(sweep::SWEPT_SCENE))
+        {
             (registry.complete_scene)(scene)?;
         }
     }
