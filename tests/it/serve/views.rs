@@ -480,10 +480,17 @@ fn drawn_electrodes_are_shown_with_their_edges() {
     assert_eq!((at("/shapes?rows=1").status, at("/shapes?rows=a").status), (404, 400));
     let of_cells = server.get(&format!("/api/artifacts/{}/shapes?rows=0", digests["solved-cells"]));
     assert_eq!(of_cells.status, 404, "{}", of_cells.text());
+    let exact = std::f64::consts::PI * (81.0 - 3.3 * 3.3) / 2500.0;
+    let rows = server
+        .get(&format!("/api/artifacts/{}/rows", digests["solved-coverage"]))
+        .json();
+    let columns = rows["columns"].as_array().unwrap();
+    let area = columns.iter().position(|column| column["name"] == "area").unwrap();
+    let found = rows["rows"][0][area].as_f64().unwrap();
+    assert!((found / exact - 1.0).abs() < 1e-6, "{found} {exact}");
     tab.screen(1440, 900, "light");
     tab.go(&server.url);
     tab.until("document.querySelector('#views a')");
-    let exact = std::f64::consts::PI * (81.0 - 3.3 * 3.3) / 2500.0;
     for (edges, most) in [("fitted", 0.01), ("coverage", 0.02), ("cells", 0.2)] {
         for stage in [edges.to_owned(), format!("solved-{edges}")] {
             let digest = &digests[&stage];
