@@ -1,5 +1,5 @@
-//! Reads patterns from images in PNG, JPEG, TIFF and BMP: dark pixels are electrodes, as in the figures of the source paper; the top row is the
-//! upper edge. If all visible pixels have one colour, the opaque ones are electrodes.
+//! Reads patterns from images in PNG, JPEG, TIFF and BMP: dark pixels are electrodes, as in the figures of the source
+//! paper; the top row is the upper edge. If all visible pixels have one colour, the opaque ones are electrodes.
 //!
 //! An image with a pixel, or a block of equal pixels, per cell is read exactly. In any other image of one group a cell
 //! is an electrode if at least half of it is dark, and a note compares the area of the cells with that of the picture.
