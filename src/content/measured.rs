@@ -99,7 +99,9 @@ arrays! {
         largest: Vec<f64> = array("largest", "", [file]),
         /// Its row in the file from 1.
         largest_row: Vec<u64> = array("largest_row", "1", [file]),
-        /// Share of the variance that the simulation explains; 0 if all measured numbers are equal.
+        /// 1 if the measured numbers differ, so that there is an R².
+        has_r_squared: Vec<u64> = array("has_r_squared", "1", [file]),
+        /// Share of the variance that the simulation explains, R².
         r_squared: Vec<f64> = array("r_squared", "1", [file]),
         /// 1 if standard deviations are stated, so that there is a chi².
         has_chi2: Vec<u64> = array("has_chi2", "1", [file]),

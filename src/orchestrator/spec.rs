@@ -385,12 +385,37 @@ fn check_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Res
     each.map(|(entry, stage)| {
         let check = entry.kind.check(&stage, &stage.needs().collect::<Vec<_>>())?;
         // What the scene of the pipeline lets expect says nothing about one that is made later.
-        Ok(match entry.scene {
+        let mut check = match entry.scene {
             Some(_) => StageCheck::default(),
             None => check,
-        })
+        };
+        check.warnings.extend(other_scenes(entry, entries));
+        Ok(check)
     })
     .collect()
+}
+
+/// Warns of stages with another scene than a stage that they need, as a verification of designs in a scene that another
+/// stage makes.
+fn other_scenes(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Vec<String> {
+    let maker = |entry: &Entry<'_>| entry.scene.map(|(index, _)| index);
+    let named = |entry: &Entry<'_>| match maker(entry) {
+        Some(index) => format!("that of `{}`", entries[index].name),
+        None => "that of the pipeline".to_owned(),
+    };
+    let needs = entry.listed().iter().map(|(index, _)| &entries[*index]);
+    let reads_another = |other: &&Entry<'_>| {
+        let is_simulated = other.kind.reads_scene() && !other.kind.makes_scene();
+        entry.kind.reads_scene() && is_simulated && maker(other) != maker(entry)
+    };
+    let warn = |other: &Entry<'_>| {
+        let (name, own, its) = (entry.name, named(entry), named(other));
+        format!(
+            "{name}: its scene is {own}, but the scene of `{}`, which it needs, is {its}",
+            other.name
+        )
+    };
+    needs.filter(reads_another).map(warn).collect()
 }
 
 /// Returns the mapping of a stage as its kind reads it: without the scene of a sweep, and without the name of a stage

@@ -73,8 +73,8 @@ pub struct FileAgreement {
     pub largest: f64,
     /// The row of it in the file from 1.
     pub largest_row: u64,
-    /// The share of the variance that the simulation explains.
-    pub r_squared: f64,
+    /// The share of the variance that the simulation explains; `None` if all measured numbers are equal.
+    pub r_squared: Option<f64>,
     /// χ² per degree of freedom, if standard deviations are stated.
     pub chi2_per_dof: Option<f64>,
 }
@@ -94,7 +94,7 @@ impl FileAgreement {
             rms: files.rms[at],
             largest: files.largest[at],
             largest_row: files.largest_row[at],
-            r_squared: files.r_squared[at],
+            r_squared: (files.has_r_squared[at] == 1).then_some(files.r_squared[at]),
             chi2_per_dof: (files.has_chi2[at] == 1).then_some(files.chi2_per_dof[at]),
         };
         Ok(files.name.0.iter().enumerate().map(of).collect())
@@ -114,16 +114,18 @@ impl FileAgreement {
         let chi2 = self
             .chi2_per_dof
             .map_or_else(String::new, |chi2| format!(", χ²/dof {}", four_digits(chi2)));
+        let explained = |r: f64| format!(", R² {}", with_minus(&format!("{r:.4}")));
+        let explained = self.r_squared.map_or_else(String::new, explained);
+        let points = if self.points == 1 { "point" } else { "points" };
         let lost = match self.without_equilibrium {
             0 => String::new(),
             rows => format!(", no stable equilibrium at {rows} more"),
         };
         format!(
-            "{}: RMS {} over {} points{lost}, R² {}{chi2}",
+            "{}: RMS {} over {} {points}{lost}{explained}{chi2}",
             self.file,
             self.with_unit(self.rms),
             self.points,
-            with_minus(&format!("{:.4}", self.r_squared)),
         )
     }
 }

@@ -40,7 +40,8 @@ impl Kind for CompareKind {
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
         let files = Comparison::open(artifact)?.files();
         let (names, rms) = (files.name().read()?.0, files.rms().read()?);
-        let (explained, has_chi2, chi2) = (
+        let (has_explained, explained, has_chi2, chi2) = (
+            files.has_r_squared().read()?,
             files.r_squared().read()?,
             files.has_chi2().read()?,
             files.chi2_per_dof().read()?,
@@ -48,8 +49,10 @@ impl Kind for CompareKind {
         let of = |at: usize| {
             let named = |word: &str, value: f64| (format!("{word}.{}", names[at]), value);
             let chi2 = (has_chi2[at] == 1).then(|| named("chi2_per_dof", chi2[at]));
-            [named("rms", rms[at]), named("r_squared", explained[at])]
+            let explained = (has_explained[at] == 1).then(|| named("r_squared", explained[at]));
+            [named("rms", rms[at])]
                 .into_iter()
+                .chain(explained)
                 .chain(chi2)
                 .collect::<Vec<_>>()
         };
@@ -61,6 +64,7 @@ impl Kind for CompareKind {
     }
 
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
+        needed::measured_once(stage, needs)?;
         let fits = needed::count(needs, &["fit"]);
         if fits > 1 {
             let message = format!("a compare stage takes its scene from one fit; `needs` names {fits}");
@@ -82,7 +86,7 @@ impl Kind for CompareKind {
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let parameters = CompareParameters::read_with(stage, &["kind", "needs"])?;
         Ok(Box::new(CompareStage {
-            scene: scene::read_all_states(stage, scene)?.simulated(),
+            scene: scene::read_all_states(stage, scene)?,
             parameters,
         }))
     }
@@ -135,25 +139,25 @@ impl Stage for CompareStage {
         let (keys, values): (Vec<String>, Vec<f64>) =
             offset.iter().map(|offset| (VOLTAGE_OFFSET.to_owned(), *offset)).unzip();
         let mesh = &self.parameters.mesh;
-        let device = Device::new(&scene, &keys, mesh.options()).map_err(StageError::input)?;
+        let device = Device::new(&scene, &keys, mesh.options()).map_err(scene::refused)?;
         let place = |table| MeasuredSet::of_table(table, &device, &scene);
         let sets: Vec<MeasuredSet> = tables_of(measured)?
             .into_iter()
             .map(place)
             .collect::<Result<_, _>>()
-            .map_err(StageError::input)?;
+            .map_err(scene::refused)?;
         for set in &sets {
             set.notes
                 .iter()
                 .for_each(|note| job.progress.note(&format!("{}: {note}", set.name)));
         }
         let found = compare_all(&device, &sets, &values, !mesh.is_chosen());
-        let (compared, mesh) = found.map_err(StageError::input)?;
+        let (compared, mesh) = found.map_err(scene::refused)?;
         let device = device.on(mesh);
         let effects = match self.parameters.effects {
             true => {
                 let found = with_neglected_effects(&scene, &device, &sets, &values);
-                Some(of_effects(&found.map_err(StageError::input)?, &compared, job))
+                Some(of_effects(&found.map_err(scene::refused)?, &compared, job))
             }
             false => None,
         };

@@ -11,7 +11,7 @@ use super::measured::{
     Compared, Device, FreeKey, LAWS, MOST_BRANCHES, MeasuredSet, MeasuredTable, Measurement, MeshChoice, SpecimenFit,
     VOLTAGE_OFFSET, compare_all, compared_files, compared_rows, dimension_of, fit_scene, law_named, name_of_law,
 };
-use super::scene;
+use super::{needed, scene};
 use deaflow_base::{Canonical, Declared, Dimension, Document, Fields, InputError, Node, Parameter, Schema, parameters};
 use deaflow_content::{FitCandidates, FittedParameters, FittedScene, LongTexts};
 use deaflow_fit::{Estimate, LawKind, Parameter as Fitted, Test, Verdict};
@@ -73,6 +73,12 @@ impl Kind for FitKind {
                 .error("laws are compared without `free`, which fits numbers of the law of the scene")
                 .help("use two stages: one with `laws`, and one with `free` and the scene of the first"));
         }
+        if let (true, Some(branches)) = (has_free, stage.node.peek("branches")) {
+            return Err(branches
+                .error("branches are compared without `free`")
+                .help("use two stages: one with `branches`, and one with `free` and the scene of the first"));
+        }
+        needed::measured_once(stage, needs)?;
         let tests = needs
             .iter()
             .filter_map(|need| need.node.peek("files")?.list("files").ok());
@@ -94,7 +100,7 @@ impl Kind for FitKind {
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let parameters = FitParameters::read_with(stage, &["kind", "needs"])?;
-        let scene = scene::read_all_states(stage, scene)?.simulated();
+        let scene = scene::read_all_states(stage, scene)?;
         Ok(Box::new(FitStage { scene, parameters }))
     }
 }
@@ -255,7 +261,7 @@ impl Stage for FitStage {
             None => self.laws(&tables, job),
         };
         job.progress.advance(job.inputs.len() as u64);
-        Ok(content.map_err(StageError::input)?.object())
+        Ok(content.map_err(scene::refused)?.object())
     }
 }
 

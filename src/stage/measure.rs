@@ -126,17 +126,18 @@ impl Stage for MeasureStage {
                 digest.bytes(pattern.cells());
                 ("pattern", digest.finish().to_string().as_str().into())
             });
-            let own: [(&str, Canonical); 6] = [
-                ("name", files.name.0[at].as_str().into()),
+            let own: [(&str, Canonical); 5] = [
                 ("test", files.test[at].as_str().into()),
                 ("settings", files.settings.0[at].as_str().into()),
                 ("noise", files.noise[at].as_str().into()),
                 ("share", files.share[at].to_string().as_str().into()),
                 ("rows", digest.finish().to_string().as_str().into()),
             ];
-            Canonical::map(own.into_iter().chain(pattern))
+            let name = format!("{}: {}", at + 1, files.name.0[at]);
+            (name, Canonical::map(own.into_iter().chain(pattern)))
         };
-        Canonical::map([("files", Canonical::List((0..files.test.len()).map(of_file).collect()))])
+        let each = (0..files.test.len()).map(of_file);
+        Canonical::map([("files", Canonical::map(each))])
     }
 
     fn notes(&self) -> Vec<String> {

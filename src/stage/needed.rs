@@ -1,6 +1,7 @@
 //! Checks of what a stage needs that the file already answers.
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::path::{Path, PathBuf};
 use std::ptr;
 
 use super::scene;
@@ -261,6 +262,26 @@ pub fn no_designs_in_states(stage: &StageDeclaration<'_>, needs: &[StageDeclarat
             return Err(named(stage, need.name)
                 .error(message)
                 .help("remove it from `needs`, or remove `rounds`; solve patterns in a `state` to train on more"));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a file of measurements that several of the needs read: its numbers would count twice.
+pub fn measured_once(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
+    let mut seen: BTreeMap<PathBuf, &str> = BTreeMap::new();
+    for need in needs {
+        let files = need.node.peek("files").and_then(|files| files.list("files").ok());
+        for entry in files.unwrap_or_default() {
+            let Some(Ok(name)) = entry.peek("file").map(|file| file.text("file")) else {
+                continue;
+            };
+            let path = entry.file().parent().unwrap_or(Path::new("")).join(name);
+            let path = path.canonicalize().unwrap_or(path);
+            if let Some(other) = seen.insert(path, need.name).filter(|other| *other != need.name) {
+                let message = format!("`{}` and `{other}` read the same file {name}", need.name);
+                return Err(wrong_number(stage, message, "name one of them"));
+            }
         }
     }
     Ok(())

@@ -1,5 +1,7 @@
 //! Reads and checks the scenes of stages.
 
+use miette::Diagnostic;
+
 use deaflow_base::{Canonical, Fields, InputError, Node, Schema};
 use deaflow_content::StoredAttribute;
 use deaflow_dataset::Device;
@@ -74,6 +76,17 @@ pub fn read_in_state(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputE
                 "allowed: {}; `design` and `verify` stages simulate all states",
                 names.join(", ")
             ))),
+    }
+}
+
+/// Returns the error of a stage whose inputs are refused, with the help of the refusal.
+pub fn refused(error: InputError) -> StageError {
+    match Diagnostic::help(&error).map(|help| help.to_string()) {
+        Some(help) => StageError::Advised {
+            source: error.into(),
+            help,
+        },
+        None => StageError::input(error),
     }
 }
 

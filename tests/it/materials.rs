@@ -58,6 +58,7 @@ fn a_material_in_a_file_builds_nothing_that_its_values_have_built() {
 fn values_of_the_command_line_replace_those_of_a_file() {
     let workspace = workspace();
     let set = |file: &str, set: &str| workspace.stages(&["run", file, "--set", set]);
+    workspace.stages(&["run", "written.yaml"]);
     for change in [
         "scene.material.shear_modulus=80 kPa",
         "scene.properties.strain_stiffening.jm=90",

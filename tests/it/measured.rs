@@ -423,3 +423,28 @@ fn a_damaged_or_lost_fit_is_made_again_before_its_scene_is_read() {
     assert_eq!(finer("3").with("built"), ["fitted", "solved"]);
     assert_eq!(finer("1").with("reused").len(), 5);
 }
+
+#[test]
+fn curves_are_compared_with_a_law_of_ogden_as_with_others() {
+    let workspace = with_data();
+    let chain = CHAIN.replace("laws: [gent]", "laws: ['ogden:2']").replace(
+        "  beside:",
+        "  again:  { kind: compare, needs: [pulled], scene: { from: fitted } }\n  beside:",
+    );
+    workspace.write("chain.yaml", &chain);
+    let ended = workspace.run(&["run", "chain.yaml", "--json"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let run = ended.json();
+    let fitted: Vec<f64> = (0..2)
+        .map(|file| number(&run["fits"][0]["files"][file]["rms"]))
+        .collect();
+    let compared = run["comparisons"].as_array().unwrap();
+    assert_eq!(compared.len(), 2);
+    for one in compared {
+        for (file, rms) in fitted.iter().enumerate() {
+            // The scene has rounded numbers.
+            let own = number(&one["files"][file]["rms"]);
+            assert!((own / rms - 1.0).abs() < 1e-3, "{own} {rms}");
+        }
+    }
+}

@@ -9,7 +9,7 @@ use crate::html::Page;
 use crate::measured::{FileAgreement, charts, sheet};
 use crate::presenter::{Figures, Headline, Presenter, Results};
 use deaflow_base::{four_digits, listed, with_minus};
-use deaflow_content::FittedScene;
+use deaflow_content::{FitCandidates, FittedScene};
 
 /// Presents fit stages.
 pub struct FitPresenter;
@@ -23,6 +23,8 @@ struct Found {
     parameters: Vec<FittedParameter>,
     /// The law or the number of branches, if several were compared.
     chosen: Option<String>,
+    /// The laws or numbers of branches that were compared, with AICc above the best; `None` if it is not known.
+    candidates: Vec<(String, Option<f64>)>,
     /// What the measurements determine.
     verdict: String,
     /// χ² per degree of freedom, if all standard deviations are stated.
@@ -96,11 +98,21 @@ fn read(source: &ArtifactReader<'_>) -> Result<Found, ReportError> {
         stage: source.stage.stage.clone(),
         parameters: own.name.0.iter().enumerate().map(parameter).collect(),
         chosen: chosen.find(|(_, chosen)| **chosen == 1).map(|(name, _)| name.clone()),
+        candidates: compared_candidates(&candidates),
         verdict: fitted.verdict,
         chi2_per_dof: (fitted.stated == [1] && fitted.degrees_of_freedom[0] > 0)
             .then(|| fitted.sum_of_squares[0] / fitted.degrees_of_freedom[0] as f64),
         files,
     })
+}
+
+/// Returns AICc of each candidate above that of the best.
+fn compared_candidates(candidates: &FitCandidates) -> Vec<(String, Option<f64>)> {
+    let known = |at: usize| (candidates.fitted[at] == 1 && candidates.aicc[at] != 0.0).then_some(candidates.aicc[at]);
+    let count = candidates.name.len();
+    let best = (0..count).filter_map(known).reduce(f64::min).unwrap_or_default();
+    let of = |at: usize| (candidates.name[at].clone(), known(at).map(|aicc| aicc - best));
+    (0..count).map(of).collect()
 }
 
 impl Found {
@@ -127,6 +139,10 @@ impl Found {
             }
         };
         let mut warnings: Vec<String> = self.parameters.iter().filter_map(of).collect();
+        // One direction may be a combination of parameters that have intervals of their own.
+        if self.verdict == "not-determined" {
+            warnings.push("the measurements determine only combinations of the parameters".to_owned());
+        }
         if self.verdict == "not-converged" {
             warnings.push("the search did not converge".to_owned());
         }
@@ -145,7 +161,17 @@ impl Found {
     fn lines(&self) -> Vec<String> {
         let files = self.files.iter().map(FileAgreement::line);
         let warnings = self.warnings().into_iter();
+        let above = |(name, aicc): &(String, Option<f64>)| match aicc {
+            Some(aicc) => format!("{name} +{}", four_digits(*aicc)),
+            None => format!("{name} –"),
+        };
+        let several = Some(&self.candidates).filter(|all| all.len() > 1);
+        let several = several.map(|all| {
+            let all: Vec<String> = all.iter().map(above).collect();
+            format!("AICc above the best: {}", all.join(", "))
+        });
         std::iter::once(self.parameters())
+            .chain(several)
             .chain(files)
             .chain(warnings)
             .collect()

@@ -34,6 +34,7 @@ pub fn compared_files(compared: &[Compared]) -> ComparedFiles {
         all.rms.push(own.rms);
         all.largest.push(own.largest.0);
         all.largest_row.push(own.largest.1 as u64);
+        all.has_r_squared.push(u64::from(own.r_squared.is_some()));
         all.r_squared.push(own.r_squared.unwrap_or(0.0));
         all.has_chi2.push(u64::from(own.chi2_per_dof.is_some()));
         all.chi2_per_dof.push(own.chi2_per_dof.unwrap_or(0.0));

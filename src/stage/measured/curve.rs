@@ -52,7 +52,7 @@ impl Deformation {
         match self {
             Self::Stretch => value,
             Self::Strain => 1.0 + value,
-            Self::Percent => 1.0 + 0.01 * value,
+            Self::Percent => 1.0 + value / 100.0,
         }
     }
 }

@@ -12,6 +12,7 @@ use deaflow_fem::{MembraneSolver, SolveOptions, Weights};
 use deaflow_field::Mesh;
 use deaflow_fit::{Elastomer, LawKind, Simulated, ViscousLaw};
 use deaflow_pattern::Pattern;
+use deaflow_scene::effects::Stiffening;
 use deaflow_scene::{Scene, Viscoelasticity};
 
 /// Relative half of the difference of a parameter between the neighbours whose residuals give a derivative: the error
@@ -170,7 +171,7 @@ impl Device {
     /// values of the free parameters.
     ///
     /// # Errors
-    /// When the parameters of its law are lists.
+    /// When its law is unknown.
     pub(super) fn elastomer(&self, values: &[f64]) -> Result<(Elastomer, Vec<(String, f64)>), InputError> {
         let known = [
             LawKind::NeoHookean,
@@ -184,13 +185,18 @@ impl Device {
             Some(model) => model.text("model")?,
             None => LawKind::NeoHookean.name(),
         };
-        let Some(kind) = known.into_iter().find(|kind| kind.name() == law) else {
-            return Err(
-                InputError::new(format!("curves cannot be fitted with a scene whose law is `{law}`"))
-                    .help("fit the curves first, then the device with the fitted scene"),
-            );
-        };
         let scene = self.scene(&self.first_values())?;
+        // Its parameters are in a list, and none of them is free.
+        let terms = match &scene.effects.strain_stiffening {
+            Some(Stiffening::Ogden(law)) => law.terms.as_slice(),
+            _ => &[],
+        };
+        let known = known.into_iter().find(|kind| kind.name() == law);
+        let Some(kind) = known.or((!terms.is_empty()).then_some(LawKind::Ogden(terms.len()))) else {
+            return Err(InputError::new(format!(
+                "curves cannot be compared with a scene whose law is `{law}`"
+            )));
+        };
         let viscous = scene.effects.viscoelasticity.as_ref();
         let branches = viscous.map_or(&[][..], |viscous| &viscous.branches);
         let elastomer = Elastomer {
@@ -201,12 +207,19 @@ impl Device {
         let of_branches = branches.iter().flat_map(|own| [own.modulus.value(), own.time.value()]);
         let (of_law, names) = (kind.parameters().len(), elastomer.parameters());
         let mut all: Vec<(String, f64)> = names[of_law..].iter().cloned().zip(of_branches).collect();
-        let in_scene = names[..of_law]
-            .iter()
-            .map(String::as_str)
-            .chain(["relative_permittivity"]);
-        for name in in_scene {
-            all.push((name.to_owned(), FreeKey::find(&self.root, name)?.start));
+        let of_terms = terms.iter().flat_map(|term| {
+            let alpha = term.alpha.to_f64();
+            [0.5 * term.mu.value() * alpha, alpha]
+        });
+        all.extend(names[..of_law].iter().cloned().zip(of_terms));
+        let scalars = names[..of_law].iter().filter(|_| terms.is_empty()).map(String::as_str);
+        for name in scalars.chain(["relative_permittivity"]) {
+            let section = match name {
+                "shear_modulus" | "relative_permittivity" => "material",
+                _ => "effects.strain_stiffening",
+            };
+            let path = format!("{section}.{name}");
+            all.push((name.to_owned(), FreeKey::find(&self.root, &path)?.start));
         }
         all.push((VOLTAGE_OFFSET.to_owned(), 0.0));
         for (key, value) in self.keys.iter().zip(values) {

@@ -143,7 +143,7 @@ impl MeasuredSet {
         let data = match rows {
             Rows::Curve(curve) => Data::Curve(curve),
             Rows::History(_) => {
-                return Err(refused("relaxation cannot be fitted with a device")
+                return Err(refused("relaxation is fitted alone, and not compared")
                     .help("fit the law first, then the relaxation with the fitted scene"));
             }
             Rows::Sheet(SheetTable { at, stretch, sigma }) => match test {
@@ -246,7 +246,7 @@ fn keep_points(
     }
     let inside = device.on_membrane(pattern, &field.points_mm)?;
     let is_number = |v: &[f64; 2]| v.iter().all(|at| at.is_finite());
-    let (mut empty, mut lost, mut joined) = (0, 0, 0);
+    let (mut lost, mut joined) = (0, 0);
     let mut rows: BTreeMap<[u64; 2], Vec<usize>> = BTreeMap::new();
     for (row, (point, u)) in field.points_mm.iter().zip(&mut field.displacements_mm).enumerate() {
         match (is_number(point) && is_number(u), inside[row]) {
@@ -255,7 +255,8 @@ fn keep_points(
                 continue;
             }
             (true, false) => lost += 1,
-            (false, _) => empty += 1,
+            // The reader has counted them.
+            (false, _) => {}
         }
         *u = [f64::NAN; 2];
     }
@@ -273,9 +274,6 @@ fn keep_points(
         }
     }
     let mut notes = Vec::new();
-    if empty > 0 {
-        notes.push(format!("{empty} of {all} rows have no numbers, and are not used"));
-    }
     if lost > 0 {
         let many = if 5 * lost > all {
             ": check `origin`, `turn`, `y` and `scale`"

@@ -1,6 +1,7 @@
 //! Files of measurements as they were read, before they are placed on a device: what a `measure` stage stores.
 
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
@@ -138,14 +139,68 @@ impl MeasuredTable {
             }
             None => (None, Vec::new()),
         };
-        Ok(Self {
+        let mut table = Self {
             name: file.file().to_owned(),
             test: file.test,
             settings: Settings::of(file),
             rows,
             pattern,
             notes,
-        })
+        };
+        table.check().map_err(|error| node.place(error))?;
+        Ok(table)
+    }
+
+    /// Checks the numbers. Rows of a field may be empty, and are counted.
+    fn check(&mut self) -> Result<(), InputError> {
+        let refused = |why: String| InputError::new(format!("{}: {why}", self.name));
+        let (all, rows) = (self.count(), self.finite_rows());
+        if all == 0 {
+            return Err(refused("the file has no rows".to_owned()));
+        }
+        if let Rows::Field(_) = self.rows {
+            return match all - rows.len() {
+                0 => Ok(()),
+                empty if empty == all => Err(refused("no row has numbers".to_owned())),
+                empty => {
+                    let note = format!("{empty} of {all} rows have no numbers, and are not used");
+                    self.notes.push(note);
+                    Ok(())
+                }
+            };
+        }
+        let lost = (1..=all).find(|number| rows.iter().all(|row| row.number != *number));
+        if let Some(number) = lost {
+            return Err(refused(format!("row {number}: a number is not finite")));
+        }
+        let has_stretch = !matches!(self.rows, Rows::Series(_));
+        if let Some(row) = rows.iter().find(|row| has_stretch && row.stretch <= 0.0) {
+            let (number, stretch) = (row.number, row.stretch);
+            return Err(refused(format!("row {number}: the stretch {stretch} is not positive")));
+        }
+        let (_, _, sigma) = self.noise();
+        let wrong = sigma
+            .into_iter()
+            .flatten()
+            .position(|sigma| !(*sigma > 0.0 && sigma.is_finite()));
+        match wrong {
+            Some(at) => Err(refused(format!(
+                "row {}: the standard deviation is not positive",
+                at + 1
+            ))),
+            None => Ok(()),
+        }
+    }
+
+    /// Returns the number of rows.
+    fn count(&self) -> usize {
+        match &self.rows {
+            Rows::Curve(curve) => curve.stretch.len(),
+            Rows::History(curve) => curve.time_s.len(),
+            Rows::Sheet(table) => table.at.len(),
+            Rows::Series(series) => series.voltages_v.len(),
+            Rows::Field(field) => field.points_mm.len(),
+        }
     }
 
     /// Reads the files of entries.
@@ -158,7 +213,8 @@ impl MeasuredTable {
         usual: curve::Noise,
     ) -> Result<Vec<Self>, InputError> {
         let mut seen = BTreeSet::new();
-        let once = |(file, node): &(MeasuredFile, Node)| match seen.insert(path_of(node, file.file())) {
+        let found = |path: PathBuf| path.canonicalize().unwrap_or(path);
+        let once = |(file, node): &(MeasuredFile, Node)| match seen.insert(found(path_of(node, file.file()))) {
             true => Self::read(file, node, form, usual),
             false => Err(node
                 .error(format!("the file {} is listed twice", file.file()))
