@@ -51,6 +51,7 @@ fn case(name: &str, chunks: u64, values: u64) {
     let registry = Registry {
         kinds: vec![&Toy],
         check_scene: |_| Ok(()),
+        complete_scene: |_| Ok(()),
         scene_schema: Schema::text,
         most_stages: MOST_STAGES,
     };

@@ -62,8 +62,8 @@ impl SceneFrom {
         }
     }
 
-    /// Reads the stage with the scene of an artifact, which `maker` has made. An artifact that cannot be opened, such as
-    /// a damaged one, may be repaired later, so it is tried again each time.
+    /// Reads the stage with the scene of an artifact, which `maker` has made. An artifact that cannot be opened, such
+    /// as a damaged one, may be repaired later, so it is tried again each time.
     pub fn read(
         &self,
         kind: &dyn Kind,

@@ -10,8 +10,8 @@ use deaflow_base::{four_digits, with_minus};
 use deaflow_content::{ComparedFiles, ComparedFilesView, ComparedRows, ComparedRowsView, Measurements};
 use deaflow_scene::Scene;
 
-/// What is compared in a file: the name in artifacts, the factor and the label of what numbers are measured against, and
-/// the factor, the unit and the label of the numbers.
+/// What is compared in a file: the name in artifacts, the factor and the label of what numbers are measured against,
+/// and the factor, the unit and the label of the numbers.
 struct Axes {
     name: &'static str,
     across: (f64, &'static str),

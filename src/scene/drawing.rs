@@ -1,7 +1,8 @@
 //! Shapes that are drawn by CAD programs or programs for vector graphics.
 //!
 //! The scene keeps what is drawn and not the name of the file: contours of lines, arcs and cubics, where they lie on
-//! the membrane. Numbers are kept with all digits of doubles, so that a scene read again has the same shapes to the bit.
+//! the membrane. Numbers are kept with all digits of doubles, so that a scene that is read again has the same shapes to
+//! the bit.
 
 use std::ops::RangeInclusive;
 use std::path::Path;

@@ -173,7 +173,8 @@ fn every_material_of_the_library_can_be_simulated() {
             ),
         ]
         .into_iter()
-        .filter_map(|(effect, is_known)| is_known.then(|| format!("{effect}: {{}}, ")))
+        .filter(|(_, is_known)| *is_known)
+        .map(|(effect, _)| format!("{effect}: {{}}, "))
         .collect();
         workspace.write(
             "scene.yaml",

@@ -448,3 +448,107 @@ fn curves_are_compared_with_a_law_of_ogden_as_with_others() {
         }
     }
 }
+
+#[test]
+fn what_a_file_of_measurements_cannot_have_is_refused_when_it_is_read() {
+    let workspace = with_data();
+    let header = "stretch,nominal_stress_kPa,sigma_kPa\n";
+    for (rows, says) in [
+        ("", "the file has no rows"),
+        ("1.5,NaN,1\n2,40,1\n", "row 1: a number is not finite"),
+        ("1.5,20,1\n-2,40,1\n", "row 2: the stretch -2 is not positive"),
+        ("1.5,20,1\n2,40,0\n", "row 2: the standard deviation is not positive"),
+    ] {
+        workspace.write("uniaxial.csv", &format!("{header}{rows}"));
+        let ended = workspace.run(&["plan", "chain.yaml"]);
+        assert!(
+            ended.code == Some(2) && ended.stderr.contains(says) && ended.stderr.contains("chain.yaml:6"),
+            "{says}: {}",
+            ended.stderr
+        );
+    }
+    let workspace = with_data();
+    // One file by two paths, in one stage and in two.
+    workspace.write(
+        "chain.yaml",
+        &CHAIN.replace("file: equibiaxial.csv", "file: ./uniaxial.csv"),
+    );
+    let ended = workspace.run(&["plan", "chain.yaml"]);
+    assert!(ended.stderr.contains("listed twice"), "{}", ended.stderr);
+    let twice = CHAIN
+        .replace(
+            "  fitted:",
+            "  again:  { kind: measure, files: [ { file: uniaxial.csv, test: uniaxial, sigma: 3 % } ] }\n  fitted:",
+        )
+        .replace("needs: [pulled], laws", "needs: [pulled, again], laws");
+    workspace.write("chain.yaml", &twice);
+    let ended = workspace.run(&["plan", "chain.yaml"]);
+    let says = "`again` and `pulled` read the same file";
+    assert!(ended.code == Some(2) && ended.stderr.contains(says), "{}", ended.stderr);
+    // Percent and strains have one key.
+    workspace.write("chain.yaml", CHAIN);
+    workspace.stages(&["run", "chain.yaml", "--until", "pulled"]);
+    let table = std::fs::read_to_string(workspace.path("uniaxial.csv")).unwrap();
+    let strains = table.lines().skip(1).map(|line| {
+        let (stretch, stress) = line.split_once(',').unwrap();
+        format!("{},{stress}\n", stretch.parse::<f64>().unwrap())
+    });
+    workspace.write(
+        "uniaxial.csv",
+        &format!(
+            "stretch;nominal_stress_MPa\n{}",
+            strains.collect::<String>().replace(',', ";")
+        ),
+    );
+    let plan = workspace.stages(&["plan", "chain.yaml"]);
+    assert_eq!(plan.stage("pulled")["outcome"], "reused");
+}
+
+#[test]
+fn a_fitted_scene_keeps_the_properties_of_the_elastomer_and_its_warnings() {
+    let workspace = with_device();
+    let known = "  properties: { strain_stiffening: { model: gent, jm: 60 }, electrode_stiffness: { shear_modulus: 50 kPa, thickness: 0.02 mm } }\n";
+    let with = DEVICE
+        .replace("  effects: {}\n", &format!("  effects: {{}}\n{known}"))
+        .replace(
+            "  beside:",
+            "  small:  { kind: sample, family: small-grid, count: 2, seed: 1 }
+  solved: { kind: solve, needs: [small], elements_per_cell: 1, scene: { from: fitted } }
+  beside:",
+        );
+    workspace.write("device.yaml", &with);
+    let ended = workspace.run(&["run", "device.yaml", "--json"]);
+    assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
+    let run = ended.json();
+    let compared = run["comparisons"].to_string();
+    for effect in ["strain_stiffening", "electrode_stiffness", "fringe_field"] {
+        assert!(compared.contains(effect), "{effect}: {compared}");
+    }
+    assert!(run.to_string().contains("strain stiffening is off"), "{run}");
+    let exported = workspace.run(&["export", "scene", "fitted", "-o", "fitted.yaml"]);
+    assert_eq!(exported.code, Some(0), "{}", exported.stderr);
+    let text = std::fs::read_to_string(workspace.path("fitted.yaml")).unwrap();
+    assert!(text.contains("properties") && text.contains("jm: 60"), "{text}");
+    let sampled = workspace.run(&["export", "scene", "small", "-o", "none.yaml"]);
+    assert!(
+        sampled.code == Some(2) && sampled.stderr.contains("has no scene"),
+        "{}",
+        sampled.stderr
+    );
+    // A verification in another scene than that of the search is warned of.
+    let more = format!(
+        "{with}  design: {{ kind: design, method: adjoint, starts: 1, seed: 1, scene: {{ from: fitted }},
+            objective: {{ point: [25 mm, 25 mm], direction: 0 deg }} }}
+  verified: {{ kind: verify, needs: [design], elements_per_cell: 1 }}
+"
+    );
+    workspace.write("device.yaml", &more);
+    let plan = workspace.run(&["plan", "device.yaml"]);
+    let says = "verified: its scene is that of the pipeline, but the scene of `design`";
+    assert!(
+        plan.code == Some(0) && plan.stderr.contains(says) | plan.stdout.contains(says),
+        "{}{}",
+        plan.stdout,
+        plan.stderr
+    );
+}

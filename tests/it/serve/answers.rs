@@ -601,9 +601,12 @@ fn what_is_looked_for_and_is_not_there_is_said() {
         let shown = ["<svg", "<table", "<ul", "have no figures"];
         assert!(shown.iter().any(|mark| page.contains(mark)), "{page}");
     }
-    let wrong = server.request("POST", "/api/sketch/import?format=bmp", &[&server.bearer()], b"");
+    let wrong = server.request("POST", "/api/sketch/import?format=gif", &[&server.bearer()], b"");
     let help = wrong.json()["error"]["help"].as_str().unwrap().to_owned();
-    assert!(wrong.status == 400 && help.contains("png, dxf, svg"), "{help}");
+    assert!(
+        wrong.status == 400 && help.contains("png, jpg, jpeg, tif, tiff, bmp, dxf, svg"),
+        "{help}"
+    );
     // Results of a run have their units.
     let id = server.get("/api/runs").json()["runs"][0]["id"]
         .as_str()
