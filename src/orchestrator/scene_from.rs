@@ -48,7 +48,7 @@ pub struct SceneFrom {
 struct ReadStage {
     /// The artifact that has the scene.
     artifact: ArtifactId,
-    scene: Option<Node>,
+    scene: Option<Arc<Node>>,
     stage: Result<Arc<dyn Stage>, Arc<InputError>>,
 }
 
@@ -84,7 +84,7 @@ impl SceneFrom {
         };
         let read = ReadStage {
             artifact: *artifact,
-            scene: scene.ok(),
+            scene: scene.ok().map(Arc::new),
             stage,
         };
         *self.read.lock().unwrap_or_else(PoisonError::into_inner) = Some(read);
@@ -106,7 +106,7 @@ impl SceneFrom {
 
     /// Returns the scene, if it is known.
     pub fn scene(&self) -> Option<Node> {
-        self.current()?.scene
+        Some(self.current()?.scene?.as_ref().clone())
     }
 
     /// Returns why the stage cannot have the scene, if so.
