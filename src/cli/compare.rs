@@ -77,7 +77,7 @@ pub fn execute(arguments: &CompareArguments, output: &Output) -> Result<Exit, Cl
     let (compared, mesh) = compare_all(&device, &sets, &offset, !arguments.mesh.is_chosen())?;
     let device = device.on(mesh);
     let neglected = match arguments.effects {
-        true => with_neglected_effects(&scene, &device, &sets, &offset)?,
+        true => with_neglected_effects(&scene, &device, (&sets, &compared), &offset)?,
         false => Vec::new(),
     };
     let written = match &arguments.output {

@@ -10,7 +10,9 @@ use deaflow_base::{four_digits, with_minus};
 use deaflow_report::figures::measured_sheet;
 use deaflow_report::figures_of_files;
 use deaflow_scene::Scene;
-use deaflow_stage::measured::{Agreement, Compared, MeasuredSet, Quantities, Values, compared_files, compared_rows};
+use deaflow_stage::measured::{
+    Agreement, Compared, MeasuredSet, Quantities, Values, compared_files, compared_rows, named_notes,
+};
 
 /// Returns a table with a row for each file.
 pub fn summary(compared: &[Compared]) -> Text {
@@ -42,7 +44,8 @@ pub fn summary(compared: &[Compared]) -> Text {
         if let [first, ..] = one.without_equilibrium[..] {
             let count = one.without_equilibrium.len();
             text.line(format!(
-                "{}: the simulation has no stable equilibrium at {}, the first of them row {first}; they are not compared",
+                "{}: the simulation has no stable equilibrium at {}, the first of them row {first}; they are not \
+                 compared",
                 one.name,
                 table::counted(count as u64, "rows")
             ));
@@ -77,13 +80,7 @@ pub fn with_unit(value: f64, values: &Values) -> String {
 
 /// Warns of the notes of all files, and returns them.
 pub fn notes(sets: &[MeasuredSet], output: &Output) -> Vec<String> {
-    let of = |set: &MeasuredSet| {
-        set.notes
-            .iter()
-            .map(|note| format!("{}: {note}", set.name))
-            .collect::<Vec<_>>()
-    };
-    let notes: Vec<String> = sets.iter().flat_map(of).collect();
+    let notes: Vec<String> = sets.iter().flat_map(|set| named_notes(&set.name, &set.notes)).collect();
     notes.iter().for_each(|note| output.warn(note));
     notes
 }

@@ -262,13 +262,9 @@ fn read_needs<'a>(
     let mut out = NamedStages::new();
     let mut seen = HashSet::new();
     let mut add = |key: &str, item: &'a Node| {
-        let name = item.text(key)?;
-        let Some(&index) = places.get(name) else {
-            let message = format!("no stage is named `{name}`");
-            return Err(item.error(message).help(suggestion(name, names)));
-        };
+        let index = stage_named(item, key, names, places)?;
         if !seen.insert(index) {
-            return Err(item.error(format!("`{name}` is listed twice")));
+            return Err(item.error(format!("`{}` is listed twice", names[index])));
         }
         out.push((index, item));
         Ok(())
@@ -289,6 +285,15 @@ fn read_needs<'a>(
     Ok((out, listed))
 }
 
+/// Returns the index of the stage that a node names.
+fn stage_named(item: &Node, key: &str, names: &[&str], places: &HashMap<&str, usize>) -> Result<usize, InputError> {
+    let name = item.text(key)?;
+    places.get(name).copied().ok_or_else(|| {
+        let message = format!("no stage is named `{name}`");
+        item.error(message).help(suggestion(name, names))
+    })
+}
+
 /// Returns the stage that makes the scene of a stage, if its kind reads one.
 fn read_scene_from<'a>(
     node: &'a Node,
@@ -302,13 +307,7 @@ fn read_scene_from<'a>(
     let Some(from) = scene_from::named(node)? else {
         return Ok(None);
     };
-    let name = from.text(scene_from::FROM)?;
-    match places.get(name) {
-        Some(&index) => Ok(Some((index, from))),
-        None => Err(from
-            .error(format!("no stage is named `{name}`"))
-            .help(suggestion(name, names))),
-    }
+    Ok(Some((stage_named(from, scene_from::FROM, names, places)?, from)))
 }
 
 /// Returns the error for stages that need each other in a cycle, each the next and the last the first.

@@ -341,13 +341,8 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Resu
             let selected = listed.filter(|(index, _)| entry.is_gate(&entries[*index]) == gates);
             let without = entry.without().iter().filter(|_| !gates);
             let scene = entry.scene.iter().filter(|_| gates);
-            let mut places: Vec<usize> = selected
-                .chain(without)
-                .chain(scene)
-                .map(|(index, _)| place[*index])
-                .collect();
-            places.dedup();
-            places
+            let places = selected.chain(without).chain(scene);
+            places.map(|(index, _)| place[*index]).collect()
         };
         let own_scene = entry.node.peek(sweep::SWEPT_SCENE).filter(|_| swept);
         let node = without_scene(entry, swept);

@@ -395,7 +395,8 @@ fn read(node: &Node, placement: &Placement) -> Result<Filled, InputError> {
         return Err(match PictureFormat::of(&path) {
             Some(_) => refused(
                 "a picture has no curves",
-                "name it as `mask`: a picture with a pixel for each cell of the membrane; or draw the shape in .dxf or .svg",
+                "name it as `mask`: a picture with a pixel for each cell of the membrane; or draw the shape in .dxf or \
+                 .svg",
             ),
             None => refused("not a drawing", "allowed: .dxf and .svg"),
         });

@@ -140,23 +140,14 @@ impl Stage for CompareStage {
             offset.iter().map(|offset| (VOLTAGE_OFFSET.to_owned(), *offset)).unzip();
         let mesh = &self.parameters.mesh;
         let device = Device::new(&scene, &keys, mesh.options()).map_err(scene::refused)?;
-        let place = |table| MeasuredSet::of_table(table, &device, &scene);
-        let sets: Vec<MeasuredSet> = tables_of(measured)?
-            .into_iter()
-            .map(place)
-            .collect::<Result<_, _>>()
-            .map_err(scene::refused)?;
-        for set in &sets {
-            set.notes
-                .iter()
-                .for_each(|note| job.progress.note(&format!("{}: {note}", set.name)));
-        }
+        let sets = MeasuredSet::of_tables(tables_of(measured)?, &device, &scene, |note| job.progress.note(note));
+        let sets = sets.map_err(scene::refused)?;
         let found = compare_all(&device, &sets, &values, !mesh.is_chosen());
         let (compared, mesh) = found.map_err(scene::refused)?;
         let device = device.on(mesh);
         let effects = match self.parameters.effects {
             true => {
-                let found = with_neglected_effects(&scene, &device, &sets, &values);
+                let found = with_neglected_effects(&scene, &device, (&sets, &compared), &values);
                 Some(of_effects(&found.map_err(scene::refused)?, &compared, job))
             }
             false => None,
@@ -166,15 +157,11 @@ impl Stage for CompareStage {
             files: compared_files(&compared),
             rows: compared_rows(&compared),
             effects,
-            mesh: has_device(&sets).then(|| mesh.to_string()),
+            mesh: sets.iter().any(MeasuredSet::is_of_device).then(|| mesh.to_string()),
             scene,
         };
         Ok(content.object())
     }
-}
-
-fn has_device(sets: &[MeasuredSet]) -> bool {
-    sets.iter().any(MeasuredSet::is_of_device)
 }
 
 fn of_effects(found: &[WithEffect], compared: &[Compared], job: &Job<'_>) -> ComparedEffects {

@@ -270,13 +270,7 @@ impl FitStage {
     fn numbers(&self, free: &[String], tables: Vec<MeasuredTable>, job: &Job<'_>) -> Result<FittedScene, InputError> {
         let mesh = &self.parameters.mesh;
         let device = Device::new(&self.scene, free, mesh.options())?;
-        let place = |table| MeasuredSet::of_table(table, &device, &self.scene);
-        let sets: Vec<MeasuredSet> = tables.into_iter().map(place).collect::<Result<_, _>>()?;
-        for set in &sets {
-            set.notes
-                .iter()
-                .for_each(|note| job.progress.note(&format!("{}: {note}", set.name)));
-        }
+        let sets = MeasuredSet::of_tables(tables, &device, &self.scene, |note| job.progress.note(note))?;
         let found = fit_scene(&device, &sets, !mesh.is_chosen())?;
         found
             .warnings(&device)?

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use super::files::NamedFile;
 use super::measured::curve::Noise;
-use super::measured::{MeasuredFile, MeasuredTable};
+use super::measured::{MeasuredFile, MeasuredTable, named_notes};
 use super::results::named;
 use deaflow_base::{Canonical, Declared, DigestWriter, Fields, InputError, Node, parameters};
 use deaflow_content::Measurements;
@@ -64,9 +64,10 @@ impl Kind for MeasureKind {
             true => Noise::Absolute,
             false => Noise::Relative,
         };
-        let files = MeasuredFile::list(list)?;
+        let nodes = list.list("files")?.iter().cloned();
+        let files: Vec<(MeasuredFile, Node)> = parameters.files.into_iter().zip(nodes).collect();
         let tables = MeasuredTable::read_all(&files, form.unwrap_or(PatternForm::PAPER), usual)?;
-        Ok(Box::new(MeasureStage::new(tables)?))
+        Ok(Box::new(MeasureStage::new(&tables)?))
     }
 }
 
@@ -86,20 +87,27 @@ parameters! {
 }
 
 struct MeasureStage {
-    tables: Vec<MeasuredTable>,
     content: Measurements,
+    /// What the content is known by, computed once: a plan asks for it several times.
+    parameters: Canonical,
+    notes: Vec<String>,
 }
 
 impl MeasureStage {
-    fn new(tables: Vec<MeasuredTable>) -> Result<Self, InputError> {
-        let content = MeasuredTable::content(&tables).map_err(|error| InputError::new(error.to_string()))?;
-        Ok(Self { tables, content })
+    fn new(tables: &[MeasuredTable]) -> Result<Self, InputError> {
+        let content = MeasuredTable::content(tables).map_err(|error| InputError::new(error.to_string()))?;
+        Ok(Self {
+            parameters: Self::described(&content),
+            content,
+            notes: tables
+                .iter()
+                .flat_map(|table| named_notes(&table.name, &table.notes))
+                .collect(),
+        })
     }
-}
 
-impl Stage for MeasureStage {
-    fn parameters(&self) -> Canonical {
-        let Measurements { files, rows, patterns } = &self.content;
+    fn described(content: &Measurements) -> Canonical {
+        let Measurements { files, rows, patterns } = content;
         let of_file = |at: usize| {
             let mut digest = DigestWriter::new();
             let own = (0..rows.file.len()).filter(|row| rows.file[*row] == at as u64);
@@ -139,13 +147,15 @@ impl Stage for MeasureStage {
         let each = (0..files.test.len()).map(of_file);
         Canonical::map([("files", Canonical::map(each))])
     }
+}
+
+impl Stage for MeasureStage {
+    fn parameters(&self) -> Canonical {
+        self.parameters.clone()
+    }
 
     fn notes(&self) -> Vec<String> {
-        let of = |table: &MeasuredTable| {
-            let notes = table.notes.iter();
-            notes.map(|note| format!("{}: {note}", table.name)).collect::<Vec<_>>()
-        };
-        self.tables.iter().flat_map(of).collect()
+        self.notes.clone()
     }
 
     fn unit(&self) -> &'static str {
@@ -154,12 +164,12 @@ impl Stage for MeasureStage {
 
     fn plan(&self, _inputs: &[Input]) -> Plan {
         Plan::Whole {
-            steps: self.tables.len() as u64,
+            steps: self.content.files.test.len() as u64,
         }
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
-        job.progress.advance(self.tables.len() as u64);
+        job.progress.advance(self.content.files.test.len() as u64);
         Ok(self.content.clone().object())
     }
 }

@@ -24,7 +24,7 @@ pub use free::{FreeKey, VOLTAGE_OFFSET};
 pub use joint::{Data, MeasuredSet, SceneFit, fit_scene, read_sets};
 pub use laws::{LAWS, MOST_BRANCHES, SpecimenFit, law_named, name_of_law};
 pub use mesh::MeshChoice;
-pub use table::MeasuredTable;
+pub use table::{MeasuredTable, named_notes};
 
 #[cfg(test)]
 mod tests;

@@ -363,7 +363,8 @@ fn rows_beyond_pull_in_are_counted_and_not_compared() {
     workspace.write("scene.yaml", &lines.join("\n"));
     workspace.write(
         "measured.yaml",
-        "files: [ { file: centre.csv, test: voltage-displacement, pattern: half.csv, point: [25 mm, 25 mm], direction: 0 deg } ]",
+        "files: [ { file: centre.csv, test: voltage-displacement, pattern: half.csv, point: [25 mm, 25 mm], \
+         direction: 0 deg } ]",
     );
     let compare = ["compare", "scene.yaml", "measured.yaml"];
     let ended = workspace.run(&[&compare[..], &["-o", "compared.csv", "--json"]].concat());
@@ -507,7 +508,8 @@ fn what_a_file_of_measurements_cannot_have_is_refused_when_it_is_read() {
 #[test]
 fn a_fitted_scene_keeps_the_properties_of_the_elastomer_and_its_warnings() {
     let workspace = with_device();
-    let known = "  properties: { strain_stiffening: { model: gent, jm: 60 }, electrode_stiffness: { shear_modulus: 50 kPa, thickness: 0.02 mm } }\n";
+    let known = "  properties: { strain_stiffening: { model: gent, jm: 60 }, \
+                 electrode_stiffness: { shear_modulus: 50 kPa, thickness: 0.02 mm } }\n";
     let with = DEVICE
         .replace("  effects: {}\n", &format!("  effects: {{}}\n{known}"))
         .replace(

@@ -161,7 +161,9 @@ pub fn compare(device: &Device, set: &MeasuredSet, values: &[f64]) -> Result<Com
     let series = |quantities, numbers: (&[f64], &[f64], Vec<Result<f64, String>>), sigma: &Sigma| {
         let (at, measured, simulated) = numbers;
         // Without any number there is nothing to compare.
-        if let Some(Err(why)) = simulated.iter().find(|_| simulated.iter().all(Result::is_err)) {
+        if simulated.iter().all(Result::is_err)
+            && let Some(Err(why)) = simulated.first()
+        {
             return Err(refused(format!("no equilibrium {why}")));
         }
         let simulated = simulated.into_iter().map(Result::ok).collect();
@@ -257,26 +259,25 @@ pub struct WithEffect {
 }
 
 /// Compares each set with simulations in which one more effect is on: those that change an equilibrium, are off, and
-/// whose data the scene has. The device and its values are those of [`compare`].
+/// whose data the scene has. The device, its values and the
+/// comparison without further effects are those of [`compare_all`].
 ///
 /// # Errors
 /// When the effects of the scene cannot be decided.
 pub fn with_neglected_effects(
     scene: &Scene,
     device: &Device,
-    sets: &[MeasuredSet],
+    (sets, compared): (&[MeasuredSet], &[Compared]),
     values: &[f64],
 ) -> Result<Vec<WithEffect>, InputError> {
     let scene = resolve(scene).map_err(|error| InputError::new(error.to_string()))?;
     let keys: Vec<String> = device.keys().iter().map(|key| key.path.clone()).collect();
-    let compared = |device: &Device| -> Result<Vec<Compared>, InputError> {
-        sets.iter().map(|set| compare(device, set, values)).collect()
-    };
-    let without = compared(device)?;
     let agreements = |effects: Effects| -> Result<Vec<Agreement>, InputError> {
-        let found = compared(&Device::new(&scene.with_effects(effects), &keys, device.options())?)?;
+        let device = Device::new(&scene.with_effects(effects), &keys, device.options())?;
+        let each = sets.iter().map(|set| compare(&device, set, values));
+        let found: Vec<Compared> = each.collect::<Result<_, _>>()?;
         // Agreements over other rows say nothing about the effect.
-        let mut pairs = found.iter().zip(&without);
+        let mut pairs = found.iter().zip(compared);
         match pairs.find(|(own, other)| own.without_equilibrium != other.without_equilibrium) {
             Some((own, _)) => Err(InputError::new(format!(
                 "{}: no equilibrium at {} of its rows",

@@ -339,14 +339,7 @@ impl MeasuredFile {
                 .help("write `files:` above it"));
         }
         let map = root.fields("a list of measurements", &["files"])?;
-        Self::list(map.required("a list of measurements", "files")?)
-    }
-
-    /// Reads the entries of a list.
-    ///
-    /// # Errors
-    /// When there is none, or one is not valid.
-    pub fn list(node: &Node) -> Result<Vec<(Self, Node)>, InputError> {
+        let node = map.required("a list of measurements", "files")?;
         let files = node.list("files")?;
         if files.is_empty() {
             return Err(node

@@ -11,7 +11,7 @@ use super::field::{Field, SheetTable};
 use super::file::{MeasuredFile, Measurement};
 use super::free::{FreeKey, VOLTAGE_OFFSET};
 use super::orientation;
-use super::table::{MeasuredTable, Rows};
+use super::table::{MeasuredTable, Rows, named_notes};
 use deaflow_base::{InputError, Node, listed};
 use deaflow_field::Mesh;
 use deaflow_fit::{
@@ -115,6 +115,23 @@ pub fn read_sets(
 }
 
 impl MeasuredSet {
+    /// Places the files of a stage on a device, and passes what a user should know on to `note`.
+    ///
+    /// # Errors
+    /// As [`MeasuredSet::of_table`].
+    pub fn of_tables(
+        tables: Vec<MeasuredTable>,
+        device: &Device,
+        scene: &Scene,
+        note: impl Fn(&str),
+    ) -> Result<Vec<Self>, InputError> {
+        let place = |table| Self::of_table(table, device, scene);
+        let sets: Vec<Self> = tables.into_iter().map(place).collect::<Result<_, _>>()?;
+        let notes = sets.iter().flat_map(|set| named_notes(&set.name, &set.notes));
+        notes.for_each(|text| note(&text));
+        Ok(sets)
+    }
+
     /// Places the measurements of a file on a device.
     ///
     /// # Errors
@@ -445,8 +462,8 @@ impl SceneFit {
                 }
             };
             warnings.push(format!(
-                "`effects: auto` was decided at the first values of the parameters ({}); at the fitted values it is: {}. \
-                 Fit again from a scene with these values",
+                "`effects: auto` was decided at the first values of the parameters ({}); at the fitted values it is: \
+                 {}. Fit again from a scene with these values",
                 named(device.effects()),
                 named(&other)
             ));

@@ -31,6 +31,12 @@ pub struct MeasuredTable {
     pub notes: Vec<String>,
 }
 
+/// Returns notes on a file with its name.
+#[must_use]
+pub fn named_notes(name: &str, notes: &[String]) -> Vec<String> {
+    notes.iter().map(|note| format!("{name}: {note}")).collect()
+}
+
 /// The numbers of a file.
 #[derive(Clone, Debug)]
 pub enum Rows {
