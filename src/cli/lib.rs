@@ -55,6 +55,7 @@ mod schema;
 mod screen;
 mod serve;
 mod show;
+mod side_results;
 mod signals;
 mod sketch;
 mod snapshot;

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use super::job::extend;
 use super::point::Probe;
+use super::side_results::SideResults;
 use super::table::{self, Cell};
 use super::text::Text;
 use super::tone::Tone;
@@ -65,6 +66,8 @@ pub struct SampleResult {
     pub critical: Option<CriticalBracket>,
     /// The largest electric field relative to the breakdown field, if this effect is on.
     pub breakdown_ratio: Option<f64>,
+    /// What the sides do, if not all are held.
+    pub sides: Option<SideResults>,
 }
 
 /// The mesh that was chosen for a requested accuracy.
@@ -105,6 +108,7 @@ impl SampleResult {
             near_limit: None,
             critical: None,
             breakdown_ratio: None,
+            sides: None,
         }
     }
 
@@ -301,6 +305,13 @@ fn add_lines(text: &mut Text, tone: Tone, results: &[SampleResult], line: impl F
 /// Describes what deserves attention: failures, critical voltages, missed accuracies and wrinkles.
 pub fn remarks(results: &[SampleResult], critical_note: Option<&str>) -> Text {
     let mut text = Text::new();
+    let sides = results
+        .iter()
+        .take(FEW)
+        .filter_map(|result| Some((result, result.sides.as_ref()?)));
+    for (result, line) in sides.flat_map(|(result, sides)| sides.lines().into_iter().map(move |line| (result, line))) {
+        text.line(format!("{}: {line}", result.id));
+    }
     add_lines(&mut text, Tone::Bad, results, |result| {
         let failure = result.failure.as_ref()?;
         Some(match result.outcome {
@@ -394,7 +405,7 @@ pub fn document(results: &[SampleResult], patterns: usize, probe: Option<&Probe>
         results.iter().filter_map(with_id).collect()
     };
     let all = each(&|result| {
-        Some(json!({
+        let mut own = json!({
             "discretisation_error": result.error_mm(),
             "elements_per_cell": result.accuracy.map(|accuracy| accuracy.mesh.elements_per_cell()),
             "order": result.accuracy.map(|accuracy| accuracy.mesh.order().degree()),
@@ -405,7 +416,11 @@ pub fn document(results: &[SampleResult], patterns: usize, probe: Option<&Probe>
             "at_mm": result.peak.and_then(|peak| peak.at_mm),
             "file": Some(&result.file).filter(|file| !file.is_empty()),
             "along_mm": result.along_mm,
-        }))
+        });
+        if let Some(sides) = &result.sides {
+            extend(&mut own, sides.document());
+        }
+        Some(own)
     });
     let unstable = each(&|result| Some(json!({ "outcome": result.failure.as_ref()? })));
     let near_limit = each(&|result| {

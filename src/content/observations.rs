@@ -2,7 +2,7 @@
 
 use super::element::{Packed, PerBody, PerCell};
 use super::macros::arrays;
-use deaflow_field::{Charged, Motion, Observation};
+use deaflow_field::{Charged, Field, Motion, Observation};
 use deaflow_pattern::Raster;
 use deaflow_scene::{Effects, Scene};
 
@@ -25,6 +25,15 @@ arrays! {
         body_translation: Option<Packed<PerBody<[f64; 2]>>> = array("body_translation", "mm", [sample, body, xy]),
         /// Rotation of each rigid body, from -180 to 180, counterclockwise; NaN without a stable solution.
         body_rotation: Option<Packed<PerBody<f64>>> = array("body_rotation", "deg", [sample, body]),
+        /// Displacement of the middle of each bar, in the order left, right, bottom, top; NaN without a stable solution.
+        bar_translation: Option<Packed<PerBody<[f64; 2]>>> = array("bar_translation", "mm", [sample, bar, xy]),
+        /// Rotation of each bar, from -180 to 180, counterclockwise; NaN without a stable solution.
+        bar_rotation: Option<Packed<PerBody<f64>>> = array("bar_rotation", "deg", [sample, bar]),
+        /// Force of the left, right, lower and upper side on the membrane; 0 along components that a side does not hold,
+        /// NaN without a stable solution. A corner that two sides hold counts half for each.
+        reaction: Option<Packed<PerBody<[f64; 2]>>> = array("reaction", "N", [sample, side, xy]),
+        /// Displacement at the cell corners at 0 V, with all loads; NaN without a stable solution.
+        rest: Option<Packed<Field>> = array("rest", "mm", [sample, corner_y, corner_x, xy]),
         /// If the drive is a charge, the charge of the solution or of the last stable state; 0 without an electrode,
         /// NaN without a stable state.
         charge: Option<Vec<f64>> = array("charge", "C", [sample]),
@@ -63,7 +72,10 @@ impl Observations {
             .geometry
             .bodies
             .as_ref()
-            .map(|bodies| motions(samples, bodies.len()));
+            .map(|bodies| motions(samples, bodies.len(), |o| o.bodies.as_ref()));
+        let sides = scene.geometry.sides.as_ref();
+        let bars = sides.map_or(0, |sides| sides.iter().filter(|(_, side)| side.bar().is_some()).count());
+        let bars = (bars > 0).then(|| motions(samples, bars, |o| o.bars.as_ref()));
         let floats = |value: &dyn Fn(&Observation) -> Option<f64>| -> Vec<f64> {
             let value = |sample: &Option<&Observation>| sample.and_then(value).unwrap_or(f64::NAN);
             samples.iter().map(value).collect()
@@ -95,6 +107,17 @@ impl Observations {
             body_rotation: bodies
                 .as_ref()
                 .map(|all| Packed(all.iter().map(|motion| motion.rotation).collect())),
+            bar_translation: bars
+                .as_ref()
+                .map(|all| Packed(all.iter().flat_map(|motion| motion.translation).collect())),
+            bar_rotation: bars
+                .as_ref()
+                .map(|all| Packed(all.iter().map(|motion| motion.rotation).collect())),
+            reaction: sides.map(|_| {
+                let of = |sample: &Option<&Observation>| sample.and_then(|o| o.reactions).unwrap_or([[f64::NAN; 2]; 4]);
+                Packed(samples.iter().flat_map(of).flatten().collect())
+            }),
+            rest: sides.map(|_| Packed(at_rest(samples, raster))),
             charge: charged.is_some().then(|| floats(&|o| o.charged.map(|c| c.charge))),
             voltage: conducts.then(|| floats(&|o| o.charged.and_then(|c| c.voltage))),
             negative_at_voltage: conducts.then(|| counts(&|c| c.negative_at_voltage)),
@@ -103,16 +126,25 @@ impl Observations {
     }
 }
 
-/// Returns the motions of all bodies, sample by sample.
-fn motions(samples: &[Option<&Observation>], bodies: usize) -> Vec<Motion> {
+/// Returns the motions of all bodies or bars, sample by sample.
+fn motions(
+    samples: &[Option<&Observation>],
+    count: usize,
+    own: impl Fn(&Observation) -> Option<&Vec<Motion>>,
+) -> Vec<Motion> {
     let none = Motion {
         translation: [f64::NAN; 2],
         rotation: f64::NAN,
     };
-    let of = |sample: &Option<&Observation>| {
-        sample
-            .and_then(|o| o.bodies.clone())
-            .unwrap_or_else(|| vec![none; bodies])
+    let of = |sample: &Option<&Observation>| sample.and_then(&own).cloned().unwrap_or_else(|| vec![none; count]);
+    samples.iter().flat_map(of).collect()
+}
+
+/// Returns the displacements without voltage, sample by sample.
+fn at_rest(samples: &[Option<&Observation>], raster: Raster) -> Vec<f64> {
+    let of = |sample: &Option<&Observation>| match sample.and_then(|o| o.rest.as_ref()) {
+        Some(rest) => rest.values().to_vec(),
+        None => vec![f64::NAN; 2 * raster.corners()],
     };
     samples.iter().flat_map(of).collect()
 }

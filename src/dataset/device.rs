@@ -63,6 +63,29 @@ impl Device {
         }
     }
 
+    /// Lets corners on sides move, but for those of frame cells: `is_free` says so for the low and the high side along
+    /// an axis. Corners at which two sides meet move only if both do.
+    #[must_use]
+    pub fn with_free_sides(mut self, parts: Option<&Parts>, is_free: impl Fn(usize, usize) -> bool) -> Self {
+        let last = self.raster().corner_sides().map(|count| count - 1);
+        let columns = last[0] + 1;
+        let is_framed = |[x, y]: [usize; 2]| {
+            let mut around = (x.saturating_sub(1)..=x.min(last[0] - 1))
+                .flat_map(|x| (y.saturating_sub(1)..=y.min(last[1] - 1)).map(move |y| (x, y)));
+            parts.is_some_and(|parts| around.any(|(x, y)| parts.at(x, y) == Part::Frame))
+        };
+        for (at, on_frame) in self.on_frame.iter_mut().enumerate() {
+            let corner = [at % columns, at / columns];
+            let ends = (0..2).flat_map(|axis| (0..2).map(move |end| (axis, end)));
+            let mut touched = ends.filter(|(axis, end)| corner[*axis] == end * last[*axis]).peekable();
+            let is_on_side = touched.peek().is_some();
+            if is_on_side && touched.all(|(axis, end)| is_free(axis, end)) && !is_framed(corner) {
+                *on_frame = false;
+            }
+        }
+        self
+    }
+
     /// Returns its cells.
     #[must_use]
     pub fn raster(&self) -> Raster {

@@ -130,6 +130,7 @@ mod tests {
                     laplacian: &laplacian,
                     material: |_| material,
                     tolerance: 1e-12,
+                    at_rest: None,
                 };
                 assert_eq!(problem.load(&mut u, &mut workspace).ending, LoadingEnd::Stable);
                 let value: f64 = u.iter().zip(&load).map(|(u, w)| u * w).sum();

@@ -58,8 +58,14 @@ struct Correction {
     /// Nodes of frames, then those of each body.
     nodes: ModalNodes,
     clusters: Clusters,
+    /// For each component of the rectangle.
+    inverses: Vec<Inverse>,
+}
+
+/// S⁻¹ for a component of vectors, or for both.
+struct Inverse {
     /// `[cluster][cluster]`.
-    inverse: Vec<f32>,
+    entries: Vec<f32>,
     /// S⁻¹ of 1, X and Y on the nodes of each body, `[body][function][cluster]`.
     rigid: Vec<[Vec<f64>; 3]>,
 }
@@ -240,34 +246,23 @@ impl Correction {
         }
         let indices: Vec<usize> = owners.concat().iter().map(|node| node.index).collect();
         let nodes = rectangle.nodes(&indices);
-        let columns = match count == indices.len() {
-            true => rectangle.between(&nodes),
-            false => rectangle.between_clusters(&nodes, &clusters.of, count),
-        };
-        let mut symmetric = Mat::zeros(count, count);
-        for (i, k) in by_tiles(count) {
-            symmetric[(i, k)] = 0.5 * (columns[(i, k)] + columns[(k, i)]);
-        }
-        let inverse = inverse_definite(&symmetric)?;
-        let mut rows = vec![0.0; count * count];
-        for (i, k) in by_tiles(count) {
-            rows[i * count + k] = inverse[(i, k)] as f32;
-        }
-        let rigid = clusters.bodies.iter().map(|body| {
-            [0, 1, 2].map(|function| {
-                let image = |row: usize| -> f64 {
-                    let own = body.clone();
-                    own.map(|at| inverse[(row, at)] * clusters.sums[at][function]).sum()
-                };
-                (0..count).map(image).collect()
-            })
+        let inverses = (0..rectangle.components()).map(|component| {
+            let columns = match count == indices.len() {
+                true => rectangle.between(component, &nodes),
+                false => rectangle.between_clusters(component, &nodes, &clusters.of, count),
+            };
+            Inverse::new(&columns, &clusters)
         });
         Some(Self {
-            rigid: rigid.collect(),
-            inverse: rows,
+            inverses: inverses.collect::<Option<_>>()?,
             nodes,
             clusters,
         })
+    }
+
+    /// Returns S⁻¹ for a component of vectors.
+    fn inverse(&self, c: usize) -> &Inverse {
+        &self.inverses[c % self.inverses.len()]
     }
 
     /// Converts values of the solution on the rectangle, added up over clusters, to the forces of frames and bodies.
@@ -280,8 +275,11 @@ impl Correction {
         values: &mut [Vec<f32>; 2],
         images: &mut [Vec<f32>; 2],
     ) -> Vec<[f64; 3]> {
-        for (values, images) in values.iter().zip(images.iter_mut()) {
-            for (image, row) in images.iter_mut().zip(self.inverse.chunks_exact(values.len())) {
+        for (c, (values, images)) in values.iter().zip(images.iter_mut()).enumerate() {
+            for (image, row) in images
+                .iter_mut()
+                .zip(self.inverse(c).entries.chunks_exact(values.len()))
+            {
                 *image = dot(row, values) as f32;
             }
         }
@@ -289,8 +287,9 @@ impl Correction {
         for (values, images) in values.iter_mut().zip(images.iter()) {
             values.iter_mut().zip(images).for_each(|(force, image)| *force = -image);
         }
-        for ((pose, rigid), motion) in poses.iter().zip(&self.rigid).zip(&motions) {
-            for (weights, forces) in weights(pose, *motion).iter().zip(values.iter_mut()) {
+        for (body, (pose, motion)) in poses.iter().zip(&motions).enumerate() {
+            for (c, (weights, forces)) in weights(pose, *motion).iter().zip(values.iter_mut()).enumerate() {
+                let rigid = &self.inverse(c).rigid[body];
                 for (at, force) in forces.iter_mut().enumerate() {
                     let sum: f64 = weights
                         .iter()
@@ -335,10 +334,13 @@ impl Correction {
         };
         let mut matrix = Mat::<f64>::zeros(size, size);
         let mut right = vec![0.0; size];
-        for (other, rigid) in self.rigid.iter().enumerate() {
+        for other in 0..bodies.len() {
             for motion in 0..3 {
                 let weights = weights(&poses[other], unit(motion));
-                let image = |c: usize, at: usize| weights[c].iter().zip(rigid).map(|(w, values)| w * values[at]).sum();
+                let image = |c: usize, at: usize| {
+                    let rigid = &self.inverse(c).rigid[other];
+                    weights[c].iter().zip(rigid).map(|(w, values)| w * values[at]).sum()
+                };
                 for body in 0..bodies.len() {
                     for (k, value) in on_body(body, &image).into_iter().enumerate() {
                         matrix[(3 * body + k, 3 * other + motion)] = value;
@@ -354,11 +356,51 @@ impl Correction {
             for k in 0..2 {
                 matrix[(3 * body + k, 3 * body + k)] += bodies[body].mount.spring;
             }
+            for at in (0..3)
+                .filter(|at| !bodies[body].mount.moves[*at])
+                .map(|at| 3 * body + at)
+            {
+                (0..size).for_each(|other| matrix[(at, other)] = 0.0);
+                (matrix[(at, at)], right[at]) = (1.0, 0.0);
+            }
         }
         let motions = solve(&matrix, &right);
         (0..bodies.len())
             .map(|body| std::array::from_fn(|k| motions[3 * body + k]))
             .collect()
+    }
+}
+
+impl Inverse {
+    /// Inverts sums of the inverse of the rectangle over clusters.
+    fn new(columns: &Mat<f64>, clusters: &Clusters) -> Option<Self> {
+        let count = clusters.count();
+        let mut symmetric = Mat::zeros(count, count);
+        for (i, k) in by_tiles(count) {
+            symmetric[(i, k)] = 0.5 * (columns[(i, k)] + columns[(k, i)]);
+        }
+        // Nodes that a side holds do not move, so they need no force.
+        for at in (0..count).filter(|at| columns[(*at, *at)] == 0.0) {
+            symmetric[(at, at)] = 1.0;
+        }
+        let inverse = inverse_definite(&symmetric)?;
+        let mut entries = vec![0.0; count * count];
+        for (i, k) in by_tiles(count) {
+            entries[i * count + k] = inverse[(i, k)] as f32;
+        }
+        let rigid = clusters.bodies.iter().map(|body| {
+            [0, 1, 2].map(|function| {
+                let image = |row: usize| -> f64 {
+                    let own = body.clone();
+                    own.map(|at| inverse[(row, at)] * clusters.sums[at][function]).sum()
+                };
+                (0..count).map(image).collect()
+            })
+        });
+        Some(Self {
+            rigid: rigid.collect(),
+            entries,
+        })
     }
 }
 

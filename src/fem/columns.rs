@@ -1,5 +1,7 @@
 //! Banded systems along y, one for each mode along x.
 
+use std::ops::Range;
+
 use deaflow_linalg::Mat;
 use pulp::{Simd, WithSimd};
 
@@ -16,6 +18,8 @@ const DECAYED: f32 = 1e-8;
 /// LDLᵀ of K + λM along y for each mode, `[row][mode]`.
 pub(super) struct Columns {
     nodes: usize,
+    /// Rows of free nodes.
+    free: Range<usize>,
     width: usize,
     /// 1/D.
     inverse: Vec<f32>,
@@ -24,23 +28,29 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    /// Factorises the matrices for these λ.
-    pub(super) fn new(layout: NodeLayout, (stiffness, mass): &(Mat<f64>, Mat<f64>), values: &[f64]) -> Self {
+    /// Factorises the matrices of the rows of free nodes for these λ.
+    pub(super) fn new(
+        layout: NodeLayout,
+        free: Range<usize>,
+        (stiffness, mass): &(Mat<f64>, Mat<f64>),
+        values: &[f64],
+    ) -> Self {
         let ([_, nodes], width, band) = (layout.nodes(), values.len(), layout.degree());
         let mut inverse = vec![0.0; nodes * width];
         let mut lower = vec![vec![0.0; nodes * width]; band];
         for (mode, value) in values.iter().enumerate() {
             let entry = |i: usize, k: usize| stiffness[(i, k)] + value * mass[(i, k)];
-            let (pivots, factors) = banded_factors(nodes - 2, band, &entry);
+            let (pivots, factors) = banded_factors(free.len(), band, &entry);
             for (i, pivot) in pivots.iter().enumerate() {
-                inverse[(i + 1) * width + mode] = (1.0 / pivot) as f32;
+                inverse[(free.start + i) * width + mode] = (1.0 / pivot) as f32;
                 for (distance, factor) in factors[i].iter().enumerate() {
-                    lower[distance][(i + 1) * width + mode] = *factor as f32;
+                    lower[distance][(free.start + i) * width + mode] = *factor as f32;
                 }
             }
         }
         Self {
             nodes,
+            free,
             width,
             inverse,
             lower,
@@ -66,7 +76,7 @@ impl Columns {
         let mut end = row;
         // How many rows in sequence have decayed.
         let mut decayed = 0;
-        while end < self.nodes - 1 && decayed < band {
+        while end < self.free.end && decayed < band {
             let mut value = [if end == row { 1.0 } else { 0.0 }; BLOCK];
             for (distance, lower) in self.lower.iter().enumerate().take(end - row) {
                 let (factors, source) = (block(lower, end), block(plane, end - distance - 1));
@@ -124,19 +134,20 @@ impl WithSimd for ColumnSolve<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Columns {
             nodes,
+            free,
             width,
             inverse,
             lower,
         } = self.columns;
         for plane in self.modes.chunks_exact_mut(nodes * width) {
-            for row in 1..nodes - 1 {
+            for row in free.clone() {
                 let (before, rest) = plane.split_at_mut(row * width);
                 for (distance, lower) in lower.iter().enumerate().take(row) {
                     let source = &before[(row - distance - 1) * width..][..*width];
                     subtract_product::<S>(simd, &mut rest[..*width], &lower[row * width..], source);
                 }
             }
-            for row in (1..nodes - 1).rev() {
+            for row in free.clone().rev() {
                 let (before, after) = plane.split_at_mut((row + 1) * width);
                 let target = &mut before[row * width..];
                 scale::<S>(simd, target, &inverse[row * width..]);

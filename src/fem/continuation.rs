@@ -9,7 +9,6 @@ use super::newton::{self, NewtonFailure, Workspace};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
 use super::stability::{Loss, Stability, judge, same_basin};
-use super::supports::Supports;
 use deaflow_base::is_interrupted;
 
 /// How the load stepping ended.
@@ -133,6 +132,8 @@ pub struct Problem<'a, F> {
     pub material: F,
     /// Relative residual of an equilibrium.
     pub tolerance: f64,
+    /// The state without voltage, if it is known.
+    pub at_rest: Option<&'a [f64]>,
 }
 
 impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
@@ -144,12 +145,16 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         }
     }
 
-    /// Moves `u` to the state without voltage, loaded only by the forces on bodies.
+    /// Moves `u` to the state without voltage, loaded only by the forces on bodies and sides.
     ///
     /// # Errors
     /// If these make the membrane unstable.
     pub fn rest(&self, u: &mut [f64], workspace: &mut Workspace) -> Result<(), Loading> {
         u.fill(0.0);
+        if let Some(known) = self.at_rest {
+            u.copy_from_slice(known);
+            return Ok(());
+        }
         if !self.is_loaded() {
             return Ok(());
         }
@@ -178,9 +183,9 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         Err(total)
     }
 
-    /// Returns whether forces act on bodies.
+    /// Returns whether forces act on bodies or sides without voltage, so that the state of rest is not u = 0.
     fn is_loaded(&self) -> bool {
-        self.activity.grid().supports().is_some_and(Supports::is_loaded)
+        Operator::new(&(self.material)(0.0), self.activity).is_loaded()
     }
 
     /// Loads from rest through two shares, between which a loss of stability is expected. `u` is then the last stable
@@ -309,6 +314,7 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
             activity: self.activity,
             body_load,
         };
+        newton::give_motions(&operator, self.laplacian, u, workspace);
         let result = newton::solve(&operator, self.laplacian, self.tolerance, u, workspace);
         let (Ok(progress) | Err((_, progress))) = result;
         total.steps += progress.steps;

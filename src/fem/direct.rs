@@ -5,9 +5,10 @@ use std::sync::Arc;
 use deaflow_base::is_interrupted;
 use deaflow_linalg::{Pair, SparseColMat, Sparsity};
 
+use super::boundary::cofactor_stress;
 use super::element::{Bilinear, Biquadratic, Element};
 use super::grid::Grid;
-use super::kinematics::add_scaled;
+use super::kinematics::{add_scaled, cofactor};
 use super::laminate::excess_tangent;
 use super::material::Material;
 use super::memory;
@@ -32,7 +33,7 @@ impl Structure {
             1 => unknowns.for_each_entry::<4>(&at_rest, |_, entries| entries.for_each(&mut collect)),
             _ => unknowns.for_each_entry::<9>(&at_rest, |_, entries| entries.for_each(&mut collect)),
         }
-        let bodies = (0..3 * unknowns.bodies()).map(|at| 2 * unknowns.free.len() + at);
+        let bodies = (0..3 * unknowns.bodies()).map(|at| unknowns.free.len() + at);
         pairs.extend(bodies.map(|at| Pair::new(at, at)));
         let sparsity = Sparsity::new(unknowns.count(), &pairs)?;
         Some(Arc::new(Self { unknowns, sparsity }))
@@ -47,7 +48,9 @@ impl Structure {
         };
         if let Some(supports) = &self.unknowns.supports {
             for (body, curvature) in supports.bodies().iter().zip(operator.curvatures(u)) {
-                entries.extend([body.mount.spring, body.mount.spring, curvature]);
+                // A motion that the body does not make keeps a pivot of its own.
+                let own = [body.mount.spring, body.mount.spring, curvature];
+                entries.extend((0..3).map(|at| if body.mount.moves[at] { own[at] } else { 1.0 }));
             }
         }
         entries
@@ -130,12 +133,12 @@ impl Factorisation {
     }
 }
 
-/// The unknowns of a grid: both components of each free node, row by row, then two translations and a rotation of each
+/// The unknowns of a grid: the components of each free node, row by row, then two translations and a rotation of each
 /// body.
 struct Unknowns {
     grid: Grid,
     supports: Option<Arc<Supports>>,
-    /// Indices of the free nodes, for the first component.
+    /// Indices of the free components of nodes.
     free: Vec<usize>,
     /// Kind of each node, by its index.
     nodes: Vec<Node>,
@@ -145,8 +148,8 @@ struct Unknowns {
 enum Node {
     /// Fixed by a frame.
     Fixed,
-    /// Number of the free node.
-    Free(usize),
+    /// Numbers of the unknowns of its components; those on rollers have one only.
+    Free([Option<usize>; 2]),
     /// Body and arm of the node.
     Rigid(usize, [f64; 2]),
 }
@@ -173,7 +176,7 @@ impl Unknowns {
             supports.clear_held(&mut mask);
             for (number, body) in supports.bodies().iter().enumerate() {
                 for (at, arm) in body.nodes.iter() {
-                    mask[at] = 0.0;
+                    (mask[at], mask[at + plane]) = (0.0, 0.0);
                     nodes[at] = Node::Rigid(number, arm);
                 }
             }
@@ -182,9 +185,15 @@ impl Unknowns {
         let [columns, rows] = layout.nodes();
         for (column, row) in (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row))) {
             let at = layout.index(0, column, row);
-            if mask[at] == 1.0 {
-                nodes[at] = Node::Free(free.len());
-                free.push(at);
+            let unknowns = [at, at + plane].map(|at| {
+                let is_free = mask[at] == 1.0;
+                is_free.then(|| {
+                    free.push(at);
+                    free.len() - 1
+                })
+            });
+            if unknowns != [None; 2] {
+                nodes[at] = Node::Free(unknowns);
             }
         }
         Self {
@@ -200,20 +209,16 @@ impl Unknowns {
     }
 
     fn count(&self) -> usize {
-        2 * self.free.len() + 3 * self.bodies()
+        self.free.len() + 3 * self.bodies()
     }
 
     /// Converts nodal forces to forces on the unknowns.
     fn pack(&self, poses: &[Pose], vector: &[f64]) -> Vec<f64> {
-        let plane = self.nodes.len();
-        let mut packed: Vec<f64> = self
-            .free
-            .iter()
-            .flat_map(|&at| [vector[at], vector[at + plane]])
-            .collect();
+        let mut packed: Vec<f64> = self.free.iter().map(|&at| vector[at]).collect();
         if let Some(supports) = &self.supports {
             for (body, pose) in supports.bodies().iter().zip(poses) {
-                packed.extend(body.nodes.force(pose, vector));
+                let force = body.nodes.force(pose, vector);
+                packed.extend((0..3).map(|at| if body.mount.moves[at] { force[at] } else { 0.0 }));
             }
         }
         packed
@@ -223,9 +228,9 @@ impl Unknowns {
     fn unpack(&self, poses: &[Pose], packed: &[f64]) -> Vec<f64> {
         let plane = self.nodes.len();
         let mut vector = vec![0.0; 2 * plane];
-        let (free, rigid) = packed.split_at(2 * self.free.len());
-        for (&at, values) in self.free.iter().zip(free.chunks_exact(2)) {
-            [vector[at], vector[at + plane]] = [values[0], values[1]];
+        let (free, rigid) = packed.split_at(self.free.len());
+        for (&at, value) in self.free.iter().zip(free) {
+            vector[at] = *value;
         }
         if let Some(supports) = &self.supports {
             for ((body, pose), motion) in supports.bodies().iter().zip(poses).zip(rigid.chunks_exact(3)) {
@@ -237,16 +242,20 @@ impl Unknowns {
 
     /// Returns the unknowns that a component of a node, given its index for the first, depends on, with their weights.
     fn unknowns_of(&self, poses: &[Pose], c: usize, node: usize) -> impl Iterator<Item = (usize, f64)> + use<> {
-        let none = (0, 0.0);
-        let (terms, count) = match self.nodes[node] {
-            Node::Fixed => ([none; 2], 0),
-            Node::Free(free) => ([(2 * free + c, 1.0), none], 1),
+        let terms = match self.nodes[node] {
+            Node::Fixed => [None; 2],
+            Node::Free(free) => [free[c].map(|unknown| (unknown, 1.0)), None],
             Node::Rigid(body, arm) => {
-                let first = 2 * self.free.len() + 3 * body;
-                ([(first + c, 1.0), (first + 2, poses[body].swept(arm)[c])], 2)
+                let first = self.free.len() + 3 * body;
+                let supports = self.supports.as_ref();
+                let moves = supports.map_or([true; 3], |supports| supports.bodies()[body].mount.moves);
+                [
+                    moves[c].then_some((first + c, 1.0)),
+                    moves[2].then(|| (first + 2, poses[body].swept(arm)[c])),
+                ]
             }
         };
-        terms.into_iter().take(count)
+        terms.into_iter().flatten()
     }
 
     /// Visits the columns of the element matrices in the order of assembly. `visit` takes the element (column, row)
@@ -291,6 +300,8 @@ fn assemble<E: Element<N>, L: Material, const N: usize>(
 ) -> Vec<f64> {
     let (layout, grid) = (operator.layout(), operator.activity.grid());
     let plane = u.len() / 2;
+    // Inside the membrane the stress β cof f has no forces.
+    let of_sides = grid.boundary().map(|_| cofactor_stress(operator.material));
     let mut sums = Vec::new();
     let mut gradients = [[[0.0; 2]; 2]; N];
     let mut of_laminate = None;
@@ -317,6 +328,10 @@ fn assemble<E: Element<N>, L: Material, const N: usize>(
         let stresses = std::array::from_fn(|q| {
             let active = operator.activity.at_point(row, q, N)[column];
             let linear = operator.material.tangent(gradients[q], active, changes[q]);
+            let linear = match of_sides {
+                Some(factor) => add_scaled(linear, factor, cofactor(changes[q])),
+                None => linear,
+            };
             let of_material = match &of_laminate {
                 Some(moduli) => add_scaled(linear, 1.0, excess_tangent(&moduli[q], changes[q])),
                 None => linear,

@@ -146,6 +146,12 @@ pub enum SetupError {
         /// The incompatible setting.
         with: &'static str,
     },
+    /// Sides that are not held, with an incompatible setting.
+    #[error("sides that are not held are not simulated together with {with}: hold all `sides`, or remove it")]
+    Sides {
+        /// The incompatible setting.
+        with: &'static str,
+    },
     /// Inertia without density.
     #[error("inertia needs a density: add `density` to `properties`")]
     Density,
@@ -204,6 +210,7 @@ impl SetupError {
                 | Self::Borders(_)
                 | Self::Curves { .. }
                 | Self::Coverage { .. }
+                | Self::Sides { .. }
                 | Self::Density
                 | Self::NothingMoves
                 | Self::Steps { .. }

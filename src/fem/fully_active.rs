@@ -54,6 +54,9 @@ impl WithMaterial for Lost {
 /// # Errors
 /// If the effects of the scene cannot be simulated.
 pub fn fully_active_limit(scene: &Scene, reach: f64) -> Result<Option<f64>, SetupError> {
+    if scene.geometry.sides.is_some() {
+        return Ok(None);
+    }
     let voltage = scene.voltage_v();
     if scene.drive.charge.is_some() || voltage <= 0.0 {
         return Ok(None);

@@ -67,7 +67,7 @@ impl GradientEvaluator {
 impl Predictor for GradientEvaluator {
     fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
         let results = self.solver.simulate(patterns).into_iter();
-        Ok(results.map(|result| result.field).collect())
+        Ok(results.map(|result| result.stroke()).collect())
     }
 }
 
@@ -83,7 +83,7 @@ impl Differentiable for GradientEvaluator {
         }
         let solver = self.plain.as_ref().unwrap_or(&self.solver);
         let solution = solver.solve(pattern);
-        let Some(field) = solver.simulation(pattern, &solution).field else {
+        let Some(field) = solver.simulation(pattern, &solution).stroke() else {
             return Ok(None);
         };
         let Some(of_cells) = solver.gradient(pattern, &solution, &slope(&field)) else {
@@ -94,12 +94,16 @@ impl Differentiable for GradientEvaluator {
 
     fn predict_near(&self, base: &Pattern, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
         let start = self.solver.solve(base);
-        Ok(self.solver.fields_near(&start, patterns))
+        let fields = self.solver.fields_near(&start, patterns).into_iter().zip(patterns);
+        Ok(fields
+            .map(|(field, pattern)| Some(self.solver.from_rest(pattern, field?)))
+            .collect())
     }
 
-    /// Uses one bilinear element per cell; `None` if the half-active membrane is unstable, or the drive is a charge.
+    /// Uses one bilinear element per cell; `None` if the half-active membrane is unstable, the drive is a charge, or a
+    /// side is not held.
     fn linear_response(&self, weights: &[Field]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
-        if self.scene.drive.charge.is_some() {
+        if self.scene.drive.charge.is_some() || self.scene.geometry.sides.is_some() {
             return Ok(None);
         }
         let plain = linear_in_cells(&self.scene);

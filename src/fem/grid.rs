@@ -4,19 +4,21 @@
 //! (I + ∇u) D. So a membrane with unequal prestretch is one with prestretch λ whose elements are shorter by D, and
 //! which is at rest at f = D. D has the determinant 1, so areas do not change.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use deaflow_field::{Mesh, Motion, Order};
 use deaflow_pattern::{Part, Parts, Polygons, Raster};
 
+use super::boundary::Boundary;
 use super::element::Element;
 use super::error::SetupError;
 use super::fitted::{Content, Fitted, Mapped, MappedElement};
 use super::kinematics::Tensor;
 use super::lanes::Real;
-use super::layout::NodeLayout;
+use super::layout::{FreeSides, NodeLayout};
 use super::operator::{add_rest, scale_gradients, scale_stresses};
-use super::sheet::{Mount, Sheet};
+use super::sheet::{Mount, Sheet, SheetSides};
 use super::supports::{Pose, Supports};
 
 /// Smallest width of an element, in units of the side of a cell.
@@ -40,6 +42,10 @@ pub struct Grid {
     /// Nodes and elements that follow curved borders, if any.
     fitted: Option<Arc<Fitted>>,
     supports: Option<Arc<Supports>>,
+    /// The supports of the sides in units of the grid, if not all are held.
+    sheet_sides: Option<SheetSides>,
+    /// The forces on sides that are not held, if any.
+    boundary: Option<Arc<Boundary>>,
 }
 
 /// The elements along one side of a cell.
@@ -147,19 +153,53 @@ impl Grid {
             parts: sheet.parts.clone(),
             fitted: None,
             supports: None,
+            sheet_sides: None,
+            boundary: None,
         }
+        .with_sides(sheet.sides)
+    }
+
+    fn with_sides(mut self, sides: Option<SheetSides>) -> Self {
+        self.sheet_sides = sides.map(|sides| sides.in_units(self.unit_mm));
+        self.boundary = None;
+        if let Some(sides) = &self.sheet_sides {
+            self.boundary = Some(Arc::new(Boundary::new(&self, sides)));
+        }
+        self
+    }
+
+    /// Returns the grid of a membrane on whose sides nothing acts, and without supports.
+    #[must_use]
+    pub fn opened(&self) -> Self {
+        let opened = Self {
+            supports: None,
+            ..self.clone()
+        };
+        opened.with_sides(Some(SheetSides::FREE))
+    }
+
+    /// Returns the supports of the sides in units of the grid; `None` if all are held.
+    #[must_use]
+    pub fn sheet_sides(&self) -> Option<&SheetSides> {
+        self.sheet_sides.as_ref()
+    }
+
+    fn free_sides(&self) -> FreeSides {
+        let sides = self.sheet_sides.as_ref();
+        sides.map_or_else(FreeSides::default, |sides| FreeSides::new(sides.held))
     }
 
     fn with_supports(mut self, sheet: &Sheet) -> Self {
-        if sheet.parts.is_some() {
-            let mounts: Vec<Mount> = sheet.mounts.iter().map(|mount| mount.in_units(self.unit_mm)).collect();
-            let borders = sheet.borders.as_ref().filter(|_| self.fitted.is_some());
-            let exact = borders.map(|borders| {
-                let centroids = borders.bodies.iter().filter_map(Polygons::centroid);
-                centroids.map(|centroid| centroid.map(|at| at / self.unit_mm)).collect()
-            });
-            self.supports = Some(Arc::new(Supports::new(&self, exact, &mounts)));
+        if sheet.parts.is_none() && sheet.sides.is_none() {
+            return self;
         }
+        let mounts: Vec<Mount> = sheet.mounts.iter().map(|mount| mount.in_units(self.unit_mm)).collect();
+        let borders = sheet.borders.as_ref().filter(|_| self.fitted.is_some());
+        let exact = borders.map(|borders| {
+            let centroids = borders.bodies.iter().filter_map(Polygons::centroid);
+            centroids.map(|centroid| centroid.map(|at| at / self.unit_mm)).collect()
+        });
+        self.supports = Some(Arc::new(Supports::new(&self, exact, &mounts)));
         self
     }
 
@@ -167,7 +207,10 @@ impl Grid {
     /// mapped elements and electrodes are not in it.
     #[must_use]
     pub fn shares_laplacian(&self, other: &Self) -> bool {
-        let of_rectangle = |grid: &Self| (grid.raster, grid.order, grid.axes, grid.sides, grid.rest);
+        let of_rectangle = |grid: &Self| {
+            let sides = grid.free_sides();
+            (grid.raster, grid.order, grid.axes, grid.sides, grid.rest, sides)
+        };
         of_rectangle(self) == of_rectangle(other) && self.supports == other.supports
     }
 
@@ -187,6 +230,12 @@ impl Grid {
     #[must_use]
     pub fn supports(&self) -> Option<&Supports> {
         self.supports.as_deref()
+    }
+
+    /// Returns the forces on sides that are not held; `None` if all are held.
+    #[must_use]
+    pub fn boundary(&self) -> Option<&Boundary> {
+        self.boundary.as_deref()
     }
 
     /// Like [`Self::supports`], with shared ownership.
@@ -240,12 +289,23 @@ impl Grid {
     /// Returns the motions of bodies at a displacement; `None` without bodies.
     #[must_use]
     pub fn motions(&self, u: &[f64]) -> Option<Vec<Motion>> {
-        let poses = self.poses(u);
+        let bodies = self.supports()?.drawn_bodies();
+        self.motions_of(u, 0..bodies)
+    }
+
+    /// Returns the motions of the bars on sides at a displacement; `None` without bars.
+    #[must_use]
+    pub fn bar_motions(&self, u: &[f64]) -> Option<Vec<Motion>> {
+        let supports = self.supports()?;
+        self.motions_of(u, supports.drawn_bodies()..supports.bodies().len())
+    }
+
+    fn motions_of(&self, u: &[f64], bodies: Range<usize>) -> Option<Vec<Motion>> {
         let motion = |pose: &Pose| Motion {
             translation: pose.translation.map(|t| self.unit_mm * t),
             rotation: pose.angle().to_degrees(),
         };
-        (!poses.is_empty()).then(|| poses.iter().map(motion).collect())
+        (!bodies.is_empty()).then(|| self.poses(u)[bodies].iter().map(motion).collect())
     }
 
     /// Corrects a displacement so that the motion of every body is rigid, as needed after a step along the tangent.
@@ -303,7 +363,8 @@ impl Grid {
     #[must_use]
     pub fn layout(&self) -> NodeLayout {
         let mapped_rows = self.fitted.as_ref().map_or(0, |fitted| fitted.mapped().rows());
-        NodeLayout::new(self.elements(), self.order).with_mapped_rows(mapped_rows)
+        let layout = NodeLayout::new(self.elements(), self.order).with_mapped_rows(mapped_rows);
+        layout.with_free_sides(self.free_sides())
     }
 
     /// Returns the nodes and elements that follow curved borders, if any.

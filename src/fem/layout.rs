@@ -4,9 +4,47 @@
 //! elements, then, for biquadratic elements, the nodes in their middle. So each node of neighbouring elements is
 //! contiguous, and kernels load them without a shuffle. Both parts are padded with zeros to whole registers.
 
+use std::ops::Range;
+
 use deaflow_field::Order;
 
 use super::lanes::{Real, WIDEST};
+
+/// The sides of a membrane, in the order of `Edge`: left, right, bottom, top.
+pub const SIDES: usize = 4;
+
+/// The components of the displacement that are free on each side of the membrane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub struct FreeSides(u8);
+
+impl FreeSides {
+    /// Creates them from the components, along x and y, that each side holds.
+    #[must_use]
+    pub fn new(held: [[bool; 2]; SIDES]) -> Self {
+        let bits = (0..2 * SIDES).filter(|at| !held[at / 2][at % 2]).map(|at| 1 << at);
+        Self(bits.sum())
+    }
+
+    /// Returns whether all sides are held.
+    #[must_use]
+    pub fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Returns whether component `c` is free on the first (0) or last (1) side along an axis.
+    #[inline(always)]
+    #[must_use]
+    pub fn has(self, axis: usize, end: usize, c: usize) -> bool {
+        self.0 >> (2 * (2 * axis + end) + c) & 1 == 1
+    }
+
+    /// Returns the range of free ones among a number of nodes along an axis, for component `c`.
+    #[must_use]
+    pub fn range(self, axis: usize, c: usize, nodes: usize) -> Range<usize> {
+        let end = |end: usize| usize::from(!self.has(axis, end, c));
+        end(0)..nodes - end(1)
+    }
+}
 
 /// The layout of nodal vectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -15,6 +53,7 @@ pub struct NodeLayout {
     degree: usize,
     /// Rows of mapped elements.
     mapped_rows: usize,
+    free_sides: FreeSides,
 }
 
 impl NodeLayout {
@@ -29,7 +68,20 @@ impl NodeLayout {
             elements,
             degree,
             mapped_rows: 0,
+            free_sides: FreeSides(0),
         }
+    }
+
+    /// Frees components on sides.
+    #[must_use]
+    pub const fn with_free_sides(self, free_sides: FreeSides) -> Self {
+        Self { free_sides, ..self }
+    }
+
+    /// Returns the components that are free on sides.
+    #[must_use]
+    pub fn free_sides(&self) -> FreeSides {
+        self.free_sides
     }
 
     /// Adds rows of mapped elements after those of the grid.
@@ -118,18 +170,35 @@ impl NodeLayout {
         (c * self.nodes()[1] + row) * self.stride() + inner * self.part() + element
     }
 
-    /// Sets the frame and the padding to zero.
+    /// Sets what sides hold and the padding to zero.
     pub fn clear_frame<T: Real>(&self, vector: &mut [T]) {
         let (stride, elements, [_, nodes]) = (self.stride(), self.columns(), self.nodes());
         let zero = T::default();
-        for plane in vector.chunks_exact_mut(nodes * stride) {
-            plane[..stride].fill(zero);
-            plane[(nodes - 1) * stride..].fill(zero);
+        for (c, plane) in vector.chunks_exact_mut(nodes * stride).enumerate() {
+            let free = |axis, end| self.free_sides.has(axis, end, c);
+            if !free(1, 0) {
+                plane[..stride].fill(zero);
+            }
+            if !free(1, 1) {
+                plane[(nodes - 1) * stride..].fill(zero);
+            }
+            let [is_left_free, is_right_free] = [0, 1].map(|end| free(0, end));
             for row in plane.chunks_exact_mut(stride) {
-                row[0] = zero;
-                row.chunks_exact_mut(self.part())
-                    .for_each(|part| part[elements..].fill(zero));
+                if !is_left_free {
+                    row[0] = zero;
+                }
+                for (inner, part) in row.chunks_exact_mut(self.part()).enumerate() {
+                    let last = elements + usize::from(is_right_free && inner == 0);
+                    part[last..].fill(zero);
+                }
             }
         }
+    }
+
+    /// Returns the nodes (column, row) of a side, along it; sides are counted as in [`SIDES`].
+    pub fn side_nodes(&self, side: usize) -> impl Iterator<Item = [usize; 2]> + use<> {
+        let (axis, nodes) = (side / 2, self.nodes());
+        let across = if side % 2 == 0 { 0 } else { nodes[axis] - 1 };
+        (0..nodes[1 - axis]).map(move |along| if axis == 0 { [across, along] } else { [along, across] })
     }
 }

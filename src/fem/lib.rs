@@ -3,15 +3,16 @@
 //! All quantities are dimensionless: stress is divided by μλp², lengths by the side of an element. So two numbers
 //! describe a scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ; for unequal prestretch, λp is √(λ₁λ₂) as described in
 //! [`grid`]. The modules follow the method, from the point to the result: kinematics, energy and effects; sheet,
-//! fitted, grid, element, layout, sampling and lanes; coverage, laminate and laminates; operator; gemm, modes and
+//! fitted, grid, boundary, element, layout, sampling and lanes; coverage, laminate and laminates; operator; gemm, modes and
 //! precondition; krylov, work, newton, direct and dynamic_stiffness; eigenvalue, stability and continuation; solver,
 //! and on it accurate, adjoint, cells, response, margin, path, points, fully_active, critical, limit, observable,
-//! gradient_evaluator and safety_margins; evaluator, which
+//! gradient_evaluator and safety_margins and reactions; evaluator, which
 //! implements the traits of `field`; simulators and screening.
 
 mod accurate;
 pub mod activity;
 mod adjoint;
+mod boundary;
 mod capacitance;
 mod cell_transform;
 mod cells;
@@ -55,6 +56,7 @@ mod points;
 mod powers;
 mod precision;
 pub mod precondition;
+mod reactions;
 mod rectangle;
 pub mod registers;
 mod response;
@@ -62,6 +64,7 @@ mod safety_margins;
 mod sampling;
 pub mod screening;
 pub mod sheet;
+mod side_transform;
 mod simulators;
 mod solver;
 mod stability;

@@ -23,7 +23,7 @@ type Band = [f64; 2 * REACH + 1];
 pub enum Mass {
     /// Of a grid of rectangles.
     Product(Product),
-    /// Of a grid that follows borders.
+    /// Of a grid that follows borders, or has sides that are not held.
     Sparse(Sparse),
 }
 
@@ -49,10 +49,11 @@ impl Mass {
     /// Creates the consistent or the lumped mass matrix of a grid.
     #[must_use]
     pub fn new(grid: &Grid, lumped: bool) -> Self {
-        match (grid.follows_borders(), grid.order()) {
-            (None, _) => Self::Product(Product::new(grid, lumped)),
-            (Some(_), Order::Bilinear) => Self::Sparse(Sparse::new::<Bilinear, 4>(grid, lumped)),
-            (Some(_), Order::Biquadratic) => Self::Sparse(Sparse::new::<Biquadratic, 9>(grid, lumped)),
+        let is_product = grid.follows_borders().is_none() && grid.boundary().is_none();
+        match (is_product, grid.order()) {
+            (true, _) => Self::Product(Product::new(grid, lumped)),
+            (false, Order::Bilinear) => Self::Sparse(Sparse::new::<Bilinear, 4>(grid, lumped)),
+            (false, Order::Biquadratic) => Self::Sparse(Sparse::new::<Biquadratic, 9>(grid, lumped)),
         }
     }
 

@@ -1,11 +1,23 @@
 //! Eigenvectors of a line of elements, which diagonalise the Laplacian of a rectangle along one direction.
 
+use std::ops::Range;
+
 use deaflow_linalg::{Eigen, Mat, eigen, product};
 
 use super::element::Line;
 
 /// Returns stiffness and mass of a line of elements at the interior nodes; `size` returns the length of an element.
 pub fn line_matrices<const A: usize>(
+    elements: usize,
+    line: &Line<A>,
+    size: impl Fn(usize) -> f64,
+) -> (Mat<f64>, Mat<f64>) {
+    matrices_at(1..elements * (A - 1), elements, line, size)
+}
+
+/// Returns stiffness and mass of a line of elements at these nodes.
+pub fn matrices_at<const A: usize>(
+    free: Range<usize>,
     elements: usize,
     line: &Line<A>,
     size: impl Fn(usize) -> f64,
@@ -22,8 +34,8 @@ pub fn line_matrices<const A: usize>(
             }
         }
     }
-    let interior = |m: Mat<f64>| m.submatrix(1, 1, nodes - 2, nodes - 2).to_owned();
-    (interior(stiffness), interior(mass))
+    let own = |m: Mat<f64>| m.submatrix(free.start, free.start, free.len(), free.len()).to_owned();
+    (own(stiffness), own(mass))
 }
 
 /// Returns the even or odd eigenvectors of KQ = MQΛ with QᵀMQ = I, at the nodes up to the middle, and their

@@ -195,7 +195,8 @@ pub fn solve<L: Material>(
         None => {
             workspace.trial.fill(0.0);
             operator.residual_at_rest(&workspace.trial, &mut workspace.residual);
-            if largest(&workspace.residual) <= rounding {
+            let given = force_of_given_motions(operator, workspace);
+            if largest(&workspace.residual) <= rounding && given == 0.0 {
                 u.fill(0.0);
                 return Ok(Progress {
                     steps: 0,
@@ -204,7 +205,7 @@ pub fn solve<L: Material>(
             }
             Reference {
                 load,
-                residual: norm(&workspace.residual),
+                residual: norm(&workspace.residual) + given,
                 uses: REFERENCE_USES,
             }
         }
@@ -251,6 +252,64 @@ pub fn solve<L: Material>(
     } else {
         Err((NewtonFailure::Limit, progress))
     }
+}
+
+/// Part of the given motions at which their force is measured: in full they may invert elements.
+const SMALL_PART: f64 = 1e-3;
+
+/// Returns the norm of the forces that the given motions of bars cause in an undisplaced membrane, to first order; 0
+/// without any. The residual of the undisplaced membrane is in the workspace.
+fn force_of_given_motions<L: Material>(operator: &Operator<'_, L>, workspace: &mut Workspace) -> f64 {
+    let Workspace {
+        residual,
+        trial,
+        trial_residual,
+        ..
+    } = workspace;
+    let supports = operator.activity.grid().supports();
+    let Some(supports) = supports.filter(|supports| supports.has_given_motions()) else {
+        return 0.0;
+    };
+    trial.fill(0.0);
+    supports.give_motions(SMALL_PART * operator.body_load, trial);
+    operator.residual(trial, trial_residual);
+    trial_residual
+        .iter_mut()
+        .zip(&*residual)
+        .for_each(|(moved, rest)| *moved -= rest);
+    norm(trial_residual) / SMALL_PART
+}
+
+/// Gives bars a share of their given motions, and moves the membrane with them by the solution of Laplace's equation.
+pub fn give_motions<L: Material>(
+    operator: &Operator<'_, L>,
+    laplacian: &Laplacian,
+    u: &mut [f64],
+    workspace: &mut Workspace,
+) {
+    let grid = operator.activity.grid();
+    let Some(supports) = grid.supports().filter(|supports| supports.has_given_motions()) else {
+        return;
+    };
+    let before = u.to_vec();
+    supports.give_motions(operator.body_load, u);
+    let change: Vec<f64> = u.iter().zip(&before).map(|(u, before)| u - before).collect();
+    operator.laplacian(&before, &change, &mut workspace.residual);
+    let size = norm(&workspace.residual);
+    if size == 0.0 {
+        return;
+    }
+    narrow(&workspace.residual, 1.0 / size, &mut workspace.krylov.residual);
+    let poses = grid.poses(u);
+    let Workspace {
+        krylov,
+        laplacian: scratch,
+        ..
+    } = workspace;
+    laplacian.solve(&krylov.residual, &poses, &mut krylov.solution, scratch);
+    let correction = u.iter_mut().zip(&krylov.solution);
+    correction.for_each(|(u, change)| *u -= size * f64::from(*change));
+    grid.settle(u);
 }
 
 /// Settings of chord steps.

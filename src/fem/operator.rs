@@ -1,6 +1,7 @@
 //! The residual and the tangent–vector product of the membrane, without a matrix.
 
 pub use super::activity::{Activity, Within, load_of};
+use super::boundary::{Boundary, EdgeStress, cofactor_stress};
 use super::energy::Margins;
 pub use super::kernels::MaterialAtRest;
 pub(crate) use super::kernels::{add_rest, scale_gradients, scale_stresses};
@@ -11,8 +12,7 @@ use super::material::{Material, MaterialPrecision, Passes};
 use super::memory;
 pub use super::precision::Precision;
 use super::registers::dispatch;
-use super::sheet::Mount;
-use super::supports::{Pose, Supports};
+use super::supports::{Pose, Rigid, Supports};
 
 /// The discrete equilibrium of a pattern with a material.
 #[derive(Clone, Copy)]
@@ -21,7 +21,7 @@ pub struct Operator<'a, L> {
     pub material: &'a L,
     /// The elements and their activity.
     pub activity: &'a Activity,
-    /// Share of the loads of bodies.
+    /// Share of the loads of bodies and sides, and of the prestress that sides release.
     pub body_load: f64,
 }
 
@@ -75,11 +75,13 @@ impl<L: Material> Operator<'_, L> {
     fn apply_supports(&self, supports: &Supports, poses: &[Pose], out: &mut [f64]) {
         let bodies = supports.bodies();
         supports.restrict_with(poses, out, |body, [x, y, moment]| {
-            let (Mount { load, spring }, [p, q]) = (bodies[body].mount, poses[body].translation);
+            let (mount, [p, q]) = (bodies[body].mount, poses[body].translation);
+            let (load, spring) = (mount.load.map(|load| self.body_load * load), mount.spring);
+            let [a, b] = poses[body].swept(mount.arm);
             [
-                x + spring * p - self.body_load * load[0],
-                y + spring * q - self.body_load * load[1],
-                moment,
+                x + spring * p - load[0],
+                y + spring * q - load[1],
+                moment - (a * load[0] + b * load[1]),
             ]
         });
     }
@@ -105,15 +107,35 @@ impl<L: Material> Operator<'_, L> {
 
     /// Writes the forces of all elements on the nodes inside the edge into `out`; returns the smallest
     /// [`Material::admissible`].
-    fn forces(&self, u: &[f64], out: &mut [f64]) -> f64 {
+    pub(super) fn forces(&self, u: &[f64], out: &mut [f64]) -> f64 {
         let smallest = self.material.forces(self.activity, u, out);
         self.add_memory_forces(out, |memory_forces| {
             without_material(self.activity).forces_of_memory(u, memory_forces)
         });
-        match self.laminates() {
+        let smallest = match self.laminates() {
             Some(laminates) => smallest.min(laminates.add_forces(u, out)),
             None => smallest,
+        };
+        self.add_forces_of_sides(u, out);
+        smallest
+    }
+
+    /// Adds the forces on sides that are not held, if any.
+    fn add_forces_of_sides(&self, u: &[f64], out: &mut [f64]) {
+        let grid = self.activity.grid();
+        if let Some(boundary) = grid.boundary() {
+            let stress = EdgeStress::of(self.material, grid.rest());
+            boundary.add_forces(&stress, self.body_load, u, out);
         }
+    }
+
+    /// Returns whether loads act on bodies or sides, or sides release a prestress.
+    #[must_use]
+    pub fn is_loaded(&self) -> bool {
+        let grid = self.activity.grid();
+        let on_bodies = grid.supports().is_some_and(Supports::is_loaded);
+        let on_sides = |boundary: &Boundary| boundary.is_loaded(&EdgeStress::of(self.material, grid.rest()));
+        on_bodies || grid.boundary().is_some_and(on_sides)
     }
 
     /// Writes the mean residual over a step from `u` by `du` at interior nodes into `out`; its work is the change of
@@ -123,6 +145,10 @@ impl<L: Material> Operator<'_, L> {
         self.add_memory_forces(out, |memory_forces| {
             without_material(self.activity).forces_of_memory_between([u, du], memory_forces);
         });
+        if self.activity.grid().boundary().is_some() {
+            let between: Vec<f64> = u.iter().zip(du).map(|(u, du)| u + 0.5 * du).collect();
+            self.add_forces_of_sides(&between, out);
+        }
         if let Some(supports) = self.activity.grid().supports() {
             self.apply_supports(supports, poses, out);
         }
@@ -159,7 +185,15 @@ impl<L: Material> Operator<'_, L> {
             laminates.store_moduli(u, &mut moduli);
             laminates.add_product(du, &moduli, out);
         }
+        self.add_product_of_sides(du, out);
         self.add_bodies(u, du, &curvatures, out);
+    }
+
+    /// Adds the tangent of the forces on sides that are not held, times `du`.
+    fn add_product_of_sides<T: MaterialPrecision>(&self, du: &[T], out: &mut [T]) {
+        if let Some(boundary) = self.activity.grid().boundary() {
+            boundary.add_product(cofactor_stress(self.material), du, out);
+        }
     }
 
     /// Writes the Laplacian times `du` into `out`: the tangent of a membrane without thickness and voltage, and of
@@ -183,7 +217,12 @@ impl<L: Material> Operator<'_, L> {
         let mut forces = vec![0.0; u.len()];
         self.forces(&u, &mut forces);
         let each = supports.bodies().iter().zip(supports.poses(&u));
-        each.map(|(body, pose)| body.nodes.curvature(&pose, &forces)).collect()
+        let of_body = |(body, pose): (&Rigid, Pose)| {
+            let [x, y] = pose.turned(body.mount.arm);
+            let [p, q] = body.mount.load.map(|load| self.body_load * load);
+            body.nodes.curvature(&pose, &forces) + x * p + y * q
+        };
+        each.map(of_body).collect()
     }
 
     /// Projects the tangent product of `du` onto forces of frames and bodies, and adds springs and the curvature of
@@ -196,7 +235,7 @@ impl<L: Material> Operator<'_, L> {
         let each = supports.bodies().iter().zip(&poses).zip(curvatures);
         let own: Vec<[f64; 3]> = each
             .map(|((body, pose), curvature)| {
-                let [p, q, turn] = body.nodes.motion(pose, body.nodes.force(pose, du));
+                let [p, q, turn] = body.motion(pose, body.nodes.force(pose, du));
                 let spring = body.mount.spring;
                 [spring * p, spring * q, curvature * turn]
             })
@@ -240,6 +279,7 @@ impl<L: Material> Operator<'_, L> {
         if let Some(laminates) = laminates {
             laminates.add_product(du, of_laminates, out);
         }
+        self.add_product_of_sides(du, out);
         let curvatures: Vec<f64> = curvatures.iter().map(|curvature| curvature.to_f64()).collect();
         self.add_bodies(u, du, &curvatures, out);
     }

@@ -9,6 +9,7 @@
 //! Single precision is enough for a preconditioner.
 
 use std::collections::BTreeMap;
+use std::f64::consts::PI;
 use std::ops::Range;
 
 use deaflow_linalg::Mat;
@@ -19,9 +20,10 @@ use super::element::Line;
 use super::error::SetupError;
 use super::grid::Grid;
 use super::krylov::{add_scaled, dot};
-use super::layout::NodeLayout;
+use super::layout::{FreeSides, NodeLayout};
 use super::line_transform::LineTransform;
-use super::modes::line_matrices;
+use super::modes::matrices_at;
+use super::side_transform::SideTransform;
 use deaflow_field::Order;
 
 /// Ratio of columns to rows of nodes above which transforms are along y. They cost as much as the product of the number
@@ -55,12 +57,18 @@ pub(super) trait Transform: Send + Sync {
     fn backward(&self, modes: &mut [f32], spare: &mut [f32], nodes: &mut [f32]);
 }
 
-/// The inverse Laplacian of the full rectangle, with zero values on its edge.
+/// The inverse Laplacian of the full rectangle, with zero values where its sides are held.
 pub(super) struct Rectangle {
     /// Layout of the vectors.
     given: NodeLayout,
     /// Layout with transforms along rows: that of the vectors, or with columns and rows exchanged.
     layout: NodeLayout,
+    /// One for both components of vectors, or one for each if sides hold different ones.
+    components: Vec<Component>,
+}
+
+/// The inverse for a component of vectors, or for both.
+struct Component {
     transform: Box<dyn Transform>,
     columns: Columns,
 }
@@ -68,13 +76,13 @@ pub(super) struct Rectangle {
 /// Some nodes of a rectangle: their rows, and the modes along x at their columns.
 pub(super) struct ModalNodes {
     rows: Vec<usize>,
-    /// `[node][mode]`.
-    modes: Vec<f32>,
+    /// For each component of a rectangle, `[node][mode]`; zero at nodes that do not move.
+    modes: Vec<Vec<f32>>,
 }
 
 impl ModalNodes {
-    fn modes_of(&self, node: usize, width: usize) -> &[f32] {
-        &self.modes[node * width..][..width]
+    fn modes_of(&self, component: usize, node: usize, width: usize) -> &[f32] {
+        &self.modes[component][node * width..][..width]
     }
 }
 
@@ -86,35 +94,106 @@ pub(super) struct RectangleScratch {
     modes: Vec<f32>,
 }
 
+/// Returns stiffness and mass of the elements along an axis of a grid at these nodes.
+fn matrices_along(grid: &Grid, axis: usize, free: Range<usize>) -> (Mat<f64>, Mat<f64>) {
+    let size = |at: usize| grid.sides([at; 2])[axis];
+    match grid.order() {
+        Order::Bilinear => matrices_at(free, grid.elements()[axis], &Line::LINEAR, size),
+        Order::Biquadratic => matrices_at(free, grid.elements()[axis], &Line::QUADRATIC, size),
+    }
+}
+
+/// Adds a mass to the eigenvalues of modes; those of the padding become 1.
+fn values_with(transform: &dyn Transform, mass: f64) -> Vec<f64> {
+    let values = transform.values().into_iter();
+    values.map(|value| value.map_or(1.0, |value| value + mass)).collect()
+}
+
+/// The mass that is added where no side holds a component, in units of the smallest eigenvalue that is not zero: the
+/// component can then move as a whole, which only bodies, bars and frames resist.
+const FLOATING_MASS: f64 = 0.1;
+
 impl Rectangle {
     pub(super) fn new(grid: &Grid, mass_factor: f64) -> Result<Self, SetupError> {
+        let free = grid.layout().free_sides();
+        if !free.is_empty() {
+            return Self::with_free_sides(grid, free, mass_factor);
+        }
         // Mapped elements are no part of vectors.
         let given = NodeLayout::new(grid.elements(), grid.order());
         let [columns, rows] = given.nodes();
         let axes = if columns > LONG * rows { [1, 0] } else { [0, 1] };
         let layout = NodeLayout::new(axes.map(|axis| grid.elements()[axis]), grid.order());
-        let [(stiffness, mass), columns] = axes.map(|axis| {
-            let size = |at: usize| grid.sides([at; 2])[axis];
-            match grid.order() {
-                Order::Bilinear => line_matrices(grid.elements()[axis], &Line::LINEAR, size),
-                Order::Biquadratic => line_matrices(grid.elements()[axis], &Line::QUADRATIC, size),
-            }
-        });
+        let interior = |axis: usize| 1..given.nodes()[axis] - 1;
+        let [(stiffness, mass), columns] = axes.map(|axis| matrices_along(grid, axis, interior(axis)));
         let [cells, _] = axes.map(|axis| grid.raster().sides()[axis]);
         let transform: Box<dyn Transform> = match cells > MANY_CELLS {
             true => Box::new(CellTransform::new(layout, cells, &stiffness, &mass)?),
             false => Box::new(LineTransform::new(layout, &stiffness, &mass)?),
         };
-        let values = transform.values().into_iter();
-        let values: Vec<f64> = values
-            .map(|value| value.map_or(1.0, |value| value + mass_factor))
-            .collect();
+        let values = values_with(&*transform, mass_factor);
+        let columns = Columns::new(layout, interior(axes[1]), &columns, &values);
         Ok(Self {
             given,
             layout,
-            columns: Columns::new(layout, &columns, &values),
-            transform,
+            components: vec![Component { transform, columns }],
         })
+    }
+
+    fn with_free_sides(grid: &Grid, free: FreeSides, mass_factor: f64) -> Result<Self, SetupError> {
+        let layout = NodeLayout::new(grid.elements(), grid.order()).with_free_sides(free);
+        let nodes = layout.nodes();
+        let ranges = |c: usize| [0, 1].map(|axis| free.range(axis, c, nodes[axis]));
+        let component = |[along, across]: [Range<usize>; 2]| {
+            let is_floating = along.len() == nodes[0] && across.len() == nodes[1];
+            let lowest = |axis: usize| {
+                let length: f64 = (0..grid.elements()[axis]).map(|at| grid.sides([at; 2])[axis]).sum();
+                (PI / length).powi(2)
+            };
+            let mass = match is_floating && mass_factor == 0.0 {
+                true => FLOATING_MASS * f64::min(lowest(0), lowest(1)),
+                false => mass_factor,
+            };
+            let transform = SideTransform::new(layout, along.clone(), &matrices_along(grid, 0, along))?;
+            let values = values_with(&transform, mass);
+            Ok(Component {
+                columns: Columns::new(layout, across.clone(), &matrices_along(grid, 1, across), &values),
+                transform: Box::new(transform),
+            })
+        };
+        let own = if ranges(0) == ranges(1) { 1 } else { 2 };
+        Ok(Self {
+            given: layout,
+            layout,
+            components: (0..own).map(|c| component(ranges(c))).collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// Returns how many components of vectors have an inverse of their own.
+    pub(super) fn components(&self) -> usize {
+        self.components.len()
+    }
+
+    /// Returns the length of rows of modes for each component of vectors.
+    fn widths(&self) -> [usize; 2] {
+        [0, 1].map(|c| self.components[c % self.components.len()].transform.width())
+    }
+
+    /// Splits vectors, and modes, into the parts that each component transforms.
+    fn parts(&self) -> Vec<(&Component, Range<usize>, Range<usize>)> {
+        let (rows, stride) = (self.layout.nodes()[1], self.layout.stride());
+        let [first, second] = self.widths();
+        match &self.components[..] {
+            [both] => vec![(both, 0..2 * rows * stride, 0..2 * rows * first)],
+            own => {
+                let nodes = [0..rows * stride, rows * stride..2 * rows * stride];
+                let modes = [0..rows * first, rows * first..rows * (first + second)];
+                own.iter()
+                    .zip(nodes.into_iter().zip(modes))
+                    .map(|(own, (nodes, modes))| (own, nodes, modes))
+                    .collect()
+            }
+        }
     }
 
     /// Returns the column and row of the node at an index of a vector, of the first component, with transforms along
@@ -132,20 +211,30 @@ impl Rectangle {
 
     /// Returns the nodes at these indices of a vector, of the first component.
     pub(super) fn nodes(&self, indices: &[usize]) -> ModalNodes {
-        let node = |index: &usize| {
-            let [column, row] = self.place(*index);
-            (row, self.transform.modes_at(column))
-        };
-        let (rows, modes): (Vec<usize>, Vec<Vec<f32>>) = indices.iter().map(node).unzip();
+        let places: Vec<[usize; 2]> = indices.iter().map(|index| self.place(*index)).collect();
+        let free = self.layout.free_sides();
+        let modes = self.components.iter().enumerate().map(|(c, component)| {
+            let moves = |[column, row]: [usize; 2]| {
+                let nodes = self.layout.nodes();
+                free.range(0, c, nodes[0]).contains(&column) && free.range(1, c, nodes[1]).contains(&row)
+            };
+            let at = |place: &[usize; 2]| match moves(*place) {
+                true => component.transform.modes_at(place[0]),
+                false => vec![0.0; component.transform.width()],
+            };
+            places.iter().flat_map(at).collect()
+        });
         ModalNodes {
-            rows,
-            modes: modes.concat(),
+            modes: modes.collect(),
+            rows: places.iter().map(|[_, row]| *row).collect(),
         }
     }
 
-    /// Returns the inverse between some nodes: sums over the modes along x of solutions along y for a load on each row.
-    pub(super) fn between(&self, nodes: &ModalNodes) -> Mat<f64> {
-        let width = self.transform.width();
+    /// Returns the inverse for a component between some nodes: sums over the modes along x of solutions along y for a
+    /// load on each row.
+    pub(super) fn between(&self, component: usize, nodes: &ModalNodes) -> Mat<f64> {
+        let Component { transform, columns } = &self.components[component];
+        let width = transform.width();
         let mut by_row: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (at, row) in nodes.rows.iter().enumerate() {
             by_row.entry(*row).or_default().push(at);
@@ -156,16 +245,19 @@ impl Rectangle {
         for (&row, loaded) in &by_row {
             plane.fill(0.0);
             plane[row * width..][..width].fill(1.0);
-            self.columns.solve(&mut plane);
+            columns.solve(&mut plane);
             for &from in loaded {
                 for (&other, there) in &by_row {
-                    let pairs = nodes.modes_of(from, width).iter().zip(&plane[other * width..]);
+                    let pairs = nodes
+                        .modes_of(component, from, width)
+                        .iter()
+                        .zip(&plane[other * width..]);
                     weighted
                         .iter_mut()
                         .zip(pairs)
                         .for_each(|(weighted, (mode, g))| *weighted = mode * g);
                     for &to in there {
-                        matrix[(to, from)] = dot(&weighted, nodes.modes_of(to, width));
+                        matrix[(to, from)] = dot(&weighted, nodes.modes_of(component, to, width));
                     }
                 }
             }
@@ -173,22 +265,29 @@ impl Rectangle {
         matrix
     }
 
-    /// Returns sums of the inverse over the nodes of clusters: `of` is the cluster of each node. Modes along x are left
+    /// Returns sums of the inverse for a component over the nodes of clusters: `of` is the cluster of each node. Modes along x are left
     /// out at distances along y over which their response to a load has decayed to rounding.
-    pub(super) fn between_clusters(&self, nodes: &ModalNodes, of: &[usize], count: usize) -> Mat<f64> {
-        let width = self.transform.width();
+    pub(super) fn between_clusters(
+        &self,
+        component: usize,
+        nodes: &ModalNodes,
+        of: &[usize],
+        count: usize,
+    ) -> Mat<f64> {
+        let Component { transform, columns } = &self.components[component];
+        let width = transform.width();
         // The modes of the nodes of a cluster on one row, added up.
         let mut by_row: BTreeMap<usize, BTreeMap<usize, Vec<f32>>> = BTreeMap::new();
         for (at, (row, cluster)) in nodes.rows.iter().zip(of).enumerate() {
             let sum = by_row.entry(*row).or_default().entry(*cluster);
             let sum = sum.or_insert_with(|| vec![0.0; width]);
-            add_scaled(sum, 1.0, nodes.modes_of(at, width));
+            add_scaled(sum, 1.0, nodes.modes_of(component, at, width));
         }
         let mut plane = vec![0.0_f32; self.layout.nodes()[1] * width];
         let mut weighted = vec![0.0_f32; width];
         let mut matrix = Mat::zeros(count, count);
         for (&row, loaded) in &by_row {
-            let ends = self.columns.respond(row, &mut plane);
+            let ends = columns.respond(row, &mut plane);
             for (&other, there) in by_row.range(row..) {
                 let kept = joined(ends.iter().map(|end| *end > other));
                 if kept.is_empty() {
@@ -218,7 +317,7 @@ impl Rectangle {
 
     /// Returns the vectors for a solve.
     pub(super) fn scratch(&self) -> RectangleScratch {
-        let len = 2 * self.layout.nodes()[1] * self.transform.width();
+        let len = self.layout.nodes()[1] * self.widths().iter().sum::<usize>();
         let exchanged = if self.is_exchanged() {
             self.layout.vector_len()
         } else {
@@ -248,20 +347,32 @@ impl Rectangle {
         (scratch, values): (&mut RectangleScratch, &mut [Vec<f32>; 2]),
         correct: impl FnOnce(&mut [Vec<f32>; 2]),
     ) {
-        let width = self.transform.width();
-        let plane = self.layout.nodes()[1] * width;
+        let (widths, rows) = (self.widths(), self.layout.nodes()[1]);
+        let plane = |c: usize| match c {
+            0 => 0..rows * widths[0],
+            _ => rows * widths[0]..rows * (widths[0] + widths[1]),
+        };
+        let own = |c: usize| c % self.components.len();
         self.solve_with(r, z, scratch, |forces, modes| {
             modes.copy_from_slice(forces);
-            self.columns.solve(modes);
-            for (values, modes) in values.iter_mut().zip(modes.chunks_exact(plane)) {
+            for (component, _, part) in self.parts() {
+                component.columns.solve(&mut modes[part]);
+            }
+            for (c, values) in values.iter_mut().enumerate() {
+                let (modes, width) = (&modes[plane(c)], widths[c]);
                 for (at, (value, row)) in values.iter_mut().zip(&nodes.rows).enumerate() {
-                    *value = dot(&modes[row * width..][..width], nodes.modes_of(at, width)) as f32;
+                    *value = dot(&modes[row * width..][..width], nodes.modes_of(own(c), at, width)) as f32;
                 }
             }
             correct(values);
-            for (values, forces) in values.iter().zip(forces.chunks_exact_mut(plane)) {
+            for (c, values) in values.iter().enumerate() {
+                let (forces, width) = (&mut forces[plane(c)], widths[c]);
                 for (at, (value, row)) in values.iter().zip(&nodes.rows).enumerate() {
-                    add_scaled(&mut forces[row * width..][..width], *value, nodes.modes_of(at, width));
+                    add_scaled(
+                        &mut forces[row * width..][..width],
+                        *value,
+                        nodes.modes_of(own(c), at, width),
+                    );
                 }
             }
         });
@@ -284,15 +395,26 @@ impl Rectangle {
         if is_exchanged {
             exchange([self.given, self.layout], r, exchanged);
         }
-        self.transform
-            .forward(if is_exchanged { exchanged } else { r }, folded, modes);
+        for (component, nodes, part) in self.parts() {
+            let source = if is_exchanged { &exchanged[nodes] } else { &r[nodes] };
+            component
+                .transform
+                .forward(source, &mut folded[part.clone()], &mut modes[part]);
+        }
         change(modes, folded);
-        self.columns.solve(modes);
+        for (component, nodes, part) in self.parts() {
+            component.columns.solve(&mut modes[part.clone()]);
+            let target = if is_exchanged {
+                &mut exchanged[nodes]
+            } else {
+                &mut z[nodes]
+            };
+            component
+                .transform
+                .backward(&mut modes[part.clone()], &mut folded[part], target);
+        }
         if is_exchanged {
-            self.transform.backward(modes, folded, exchanged);
             exchange([self.layout, self.given], exchanged, z);
-        } else {
-            self.transform.backward(modes, folded, z);
         }
     }
 
@@ -332,6 +454,7 @@ fn exchange([from, to]: [NodeLayout; 2], source: &[f32], target: &mut [f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::modes::line_matrices;
     use crate::sheet::Sheet;
     use deaflow_field::Mesh;
     use deaflow_pattern::{Membrane, Raster};
@@ -441,7 +564,7 @@ mod tests {
         let solved = |cells: [usize; 2], size| {
             let grid = Grid::uniform(Mesh::bilinear(2), &sheet(cells, size));
             let rectangle = Rectangle::new(&grid, 0.0).unwrap();
-            (rectangle.transform.width(), rectangle.scratch().modes.len())
+            (rectangle.widths()[0], rectangle.scratch().modes.len())
         };
         assert_eq!(solved([400, 1], [100.0, 0.25]), solved([1, 400], [0.25, 100.0]));
     }
@@ -454,9 +577,9 @@ mod tests {
         let places: Vec<[usize; 2]> = (1..36).map(|at| [at, 1 + at * at % 34]).collect();
         let indices: Vec<usize> = places.iter().map(|[x, y]| layout.index(0, *x, *y)).collect();
         let nodes = rectangle.nodes(&indices);
-        let each = rectangle.between(&nodes);
+        let each = rectangle.between(0, &nodes);
         let of: Vec<usize> = (0..places.len()).map(|at| at % 7).collect();
-        let sums = rectangle.between_clusters(&nodes, &of, 7);
+        let sums = rectangle.between_clusters(0, &nodes, &of, 7);
         for (i, k) in (0..49).map(|at| (at / 7, at % 7)) {
             let parts = (0..places.len()).flat_map(|a| (0..places.len()).map(move |b| (a, b)));
             let own = parts.filter(|(a, b)| (of[*a], of[*b]) == (i, k));

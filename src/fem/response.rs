@@ -54,6 +54,11 @@ impl LinearResponse {
     /// # Errors
     /// As [`LinearResponse::new`].
     pub(super) fn with_unrelaxed(scene: &Scene, gamma: f64, mesh: Mesh) -> Result<Self, SetupError> {
+        // The state about which they are linearised is far from that of a mount whose sides have relaxed.
+        if scene.geometry.sides.is_some() {
+            let with = "estimates (`method: linear`, `method: chord`)";
+            return Err(SetupError::Sides { with });
+        }
         let model = Model::new(scene)?.with_unrelaxed(gamma);
         let grid = model.grid(checked(mesh)?)?;
         let response = Self {

@@ -3,25 +3,81 @@
 use std::sync::Arc;
 
 use deaflow_pattern::{Borders, Membrane, Parts, Raster};
-use deaflow_scene::Scene;
+use deaflow_scene::{Edge, Scene};
 
-/// Forces on a rigid body.
+use super::layout::SIDES;
+
+/// Forces on a rigid body or bar, and what moves it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mount {
-    /// Force on its centroid over μH, along x and y in mm.
+    /// Dead force over μH, along x and y in mm.
     pub load: [f64; 2],
+    /// Place of the force in mm from the centroid; it turns with the body.
+    pub arm: [f64; 2],
     /// Stiffness of a spring on its centroid over μH.
     pub spring: f64,
+    /// Whether it moves along x, along y, and turns.
+    pub moves: [bool; 3],
+    /// A given translation in mm.
+    pub given: [f64; 2],
 }
 
 impl Mount {
-    /// Converts the force over μH from mm to a unit of length.
+    /// A body that moves freely.
+    pub const FREE: Self = Self {
+        load: [0.0; 2],
+        arm: [0.0; 2],
+        spring: 0.0,
+        moves: [true; 3],
+        given: [0.0; 2],
+    };
+
+    /// Converts lengths, and the force over μH, from mm to a unit of length.
+    #[must_use]
+    pub fn in_units(self, unit_mm: f64) -> Self {
+        let scaled = |lengths: [f64; 2]| lengths.map(|length| length / unit_mm);
+        Self {
+            load: scaled(self.load),
+            arm: scaled(self.arm),
+            given: scaled(self.given),
+            ..self
+        }
+    }
+
+    /// Returns the energy of the load and the spring at a translation and a turned arm, with a share of the load.
+    #[must_use]
+    pub fn energy(&self, [x, y]: [f64; 2], moved_arm: [f64; 2], share: f64) -> f64 {
+        let [a, b] = [0, 1].map(|c| moved_arm[c] - self.arm[c]);
+        0.5 * self.spring * (x * x + y * y) - share * (self.load[0] * (x + a) + self.load[1] * (y + b))
+    }
+}
+
+/// The supports of the sides of a membrane, in the order of `Edge`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SheetSides {
+    /// Components of the displacement that each holds.
+    pub held: [[bool; 2]; SIDES],
+    /// Total dead force over μH on each, along x and y in mm.
+    pub loads: [[f64; 2]; SIDES],
+    /// The bar on each.
+    pub bars: [Option<Mount>; SIDES],
+}
+
+impl SheetSides {
+    /// Converts lengths, and forces over μH, from mm to a unit of length.
     #[must_use]
     pub fn in_units(self, unit_mm: f64) -> Self {
         Self {
-            load: self.load.map(|force| force / unit_mm),
+            loads: self.loads.map(|load| load.map(|force| force / unit_mm)),
+            bars: self.bars.map(|bar| bar.map(|bar| bar.in_units(unit_mm))),
             ..self
         }
+    }
+
+    /// Returns the bars with their sides.
+    pub fn bars(&self) -> impl Iterator<Item = (usize, Mount)> {
+        let bars = self.bars.into_iter().enumerate();
+        bars.filter_map(|(side, bar)| Some((side, bar?)))
     }
 }
 
@@ -38,16 +94,47 @@ pub struct Sheet {
     pub borders: Option<Arc<Borders>>,
     /// Forces on each body.
     pub mounts: Vec<Mount>,
+    /// Supports of the sides; `None` if all are held.
+    pub sides: Option<SheetSides>,
 }
 
-/// Returns the forces on the bodies of a scene: N over μH in N/m is a length in m.
+/// Returns μH of a scene in N per mm: N over it is a length in mm.
+fn stiffness_n_per_mm(scene: &Scene) -> f64 {
+    1e-6 * scene.shear_modulus_pa() * scene.thickness_mm()
+}
+
+/// Returns the forces on the bodies of a scene.
 fn mounts(scene: &Scene) -> Vec<Mount> {
     let stiffness = scene.shear_modulus_pa() * scene.thickness_mm() * 1e-3;
     let bodies = scene.geometry.bodies.iter().flatten().map(|body| Mount {
         load: body.load_n().map(|force| 1e3 * force / stiffness),
         spring: body.spring_n_per_m() / stiffness,
+        ..Mount::FREE
     });
     bodies.collect()
+}
+
+/// Returns the supports of the sides of a scene; `None` if all are held.
+fn sides(scene: &Scene) -> Option<SheetSides> {
+    let (sides, stiffness) = (scene.geometry.sides.as_ref()?, stiffness_n_per_mm(scene));
+    let bar = |edge: Edge| {
+        let bar = sides.of(edge).bar()?;
+        let mut arm = [0.0; 2];
+        arm[1 - edge.normal_axis()] = bar.at_mm();
+        Some(Mount {
+            load: bar.load_n().map(|force| force / stiffness),
+            arm,
+            spring: 1e-3 * bar.spring_n_per_m() / stiffness,
+            moves: bar.moves(),
+            given: bar.displacement_mm().unwrap_or_default(),
+        })
+    };
+    let load = |edge: Edge| sides.of(edge).load_n().unwrap_or_default();
+    Some(SheetSides {
+        held: Edge::ALL.map(|edge| sides.of(edge).holds(edge)),
+        loads: Edge::ALL.map(|edge| load(edge).map(|force| force / stiffness)),
+        bars: Edge::ALL.map(bar),
+    })
 }
 
 impl Sheet {
@@ -60,6 +147,7 @@ impl Sheet {
             parts: scene.parts(),
             borders: scene.borders(),
             mounts: mounts(scene),
+            sides: sides(scene),
         }
     }
 
@@ -88,6 +176,7 @@ impl Sheet {
             parts: None,
             borders: None,
             mounts: Vec::new(),
+            sides: None,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The finite-element solver of a scene on one mesh, for any number of patterns.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 
@@ -96,6 +96,8 @@ pub struct MembraneSolver {
     pub(super) tolerance: f64,
     pub(super) laplacian: Arc<Laplacian>,
     pub(super) limit: WorkLimit,
+    /// The state without voltage, if it is not the mount and no pattern changes it.
+    rest: OnceLock<Option<Vec<f64>>>,
 }
 
 impl MembraneSolver {
@@ -151,6 +153,7 @@ impl MembraneSolver {
             grid,
             tolerance,
             limit,
+            rest: OnceLock::new(),
         };
         Ok(solver.within(limit))
     }
@@ -206,6 +209,22 @@ impl MembraneSolver {
     #[must_use]
     pub fn field(&self, solution: &MeshSolution) -> Field {
         self.grid.sample(&solution.displacement)
+    }
+
+    /// Returns the displacement of a solution of this pattern at the cell corners, in mm: from rest if not all sides are
+    /// held, from the mount otherwise.
+    #[must_use]
+    pub(super) fn stroke(&self, pattern: &Pattern, solution: &MeshSolution) -> Field {
+        self.from_rest(pattern, self.field(solution))
+    }
+
+    /// Like [`Self::stroke`], for a field.
+    pub(super) fn from_rest(&self, pattern: &Pattern, field: Field) -> Field {
+        let observation = Observation {
+            rest: self.rest_of(pattern),
+            ..Observation::default()
+        };
+        observation.from_rest(&field)
     }
 
     /// Converts a solution of this pattern to the result of [`Simulator::simulate`].
@@ -342,7 +361,39 @@ impl MembraneSolver {
             laplacian: &self.laplacian,
             material,
             tolerance: self.tolerance,
+            at_rest: self.common_rest(),
         }
+    }
+
+    /// Returns the state without voltage of all patterns; `None` where all sides are held, it depends on the pattern,
+    /// or there is none.
+    fn common_rest(&self) -> Option<&[f64]> {
+        let has_stiff_electrodes = self.scene.effects.electrode_stiffness.is_some();
+        if self.grid.boundary().is_none() || has_stiff_electrodes {
+            return None;
+        }
+        let bare = || Pattern::from_fn(self.grid.raster(), |_, _| false);
+        self.rest.get_or_init(|| self.find_rest(&bare())).as_deref()
+    }
+
+    /// Returns the displacement without voltage in mm, if not all sides are held and it is stable.
+    fn rest_of(&self, pattern: &Pattern) -> Option<Field> {
+        self.grid.boundary()?;
+        match self.common_rest() {
+            Some(rest) => Some(self.grid.sample(rest)),
+            None => self.find_rest(pattern).map(|rest| self.grid.sample(&rest)),
+        }
+    }
+
+    fn find_rest(&self, pattern: &Pattern) -> Option<Vec<f64>> {
+        let activity = self.model.activity(&self.grid, pattern);
+        let mut scratch = self.scratch(self.limit);
+        let found = self.model.with(Rest {
+            solver: self,
+            activity: &activity,
+            scratch: &mut scratch,
+        });
+        found.then_some(scratch.displacement)
     }
 
     /// Converts the end of a loading to an outcome in volts.
@@ -381,6 +432,9 @@ impl MembraneSolver {
         let effects = &self.scene.effects;
         let mut observation = Observation {
             bodies: self.grid.motions(&solution.displacement),
+            bars: self.grid.bar_motions(&solution.displacement),
+            reactions: self.reactions(pattern, solution),
+            rest: self.rest_of(pattern),
             charged: solution.charged,
             ..Observation::default()
         };
@@ -434,6 +488,32 @@ impl WithMaterial for Load<'_> {
             Some(_) => charge::conducting(&problem, &self.solver.scene, coulombs, u, workspace),
             None => charge::immobile(&problem, &self.solver.scene, coulombs, u, workspace),
         }
+    }
+}
+
+/// Finds the state without voltage; returns whether there is one.
+struct Rest<'a> {
+    solver: &'a MembraneSolver,
+    activity: &'a Activity,
+    scratch: &'a mut Scratch,
+}
+
+impl WithMaterial for Rest<'_> {
+    type Output = bool;
+
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
+        let problem = Problem {
+            activity: self.activity,
+            laplacian: &self.solver.laplacian,
+            material,
+            tolerance: self.solver.tolerance,
+            at_rest: None,
+        };
+        let Scratch {
+            displacement: u,
+            workspace,
+        } = self.scratch;
+        problem.rest(u, workspace).is_ok()
     }
 }
 

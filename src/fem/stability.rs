@@ -47,9 +47,11 @@ pub fn judge<L: Material>(
     u: &[f64],
     workspace: &mut Workspace,
 ) -> Stability {
+    // A null Lagrangian is one only where the sides are held.
+    let is_held = operator.activity.grid().boundary().is_none();
     // Single precision usually suffices to prove stability.
     let quick = operator.margins(workspace.single(u));
-    if quick.ellipticity > CLEAR && quick.convexity > CLEAR && quick.tension > CLEAR {
+    if is_held && quick.ellipticity > CLEAR && quick.convexity > CLEAR && quick.tension > CLEAR {
         return Stability::Stable { pointwise: true };
     }
     let margins = operator.margins(u);
@@ -59,7 +61,7 @@ pub fn judge<L: Material>(
     if margins.tension < -LOOSE {
         return Stability::Lost(Loss::Tension);
     }
-    if margins.convexity > 0.0 {
+    if is_held && margins.convexity > 0.0 {
         return Stability::Stable { pointwise: true };
     }
     match probe(operator, laplacian, 0.0, u, workspace) {

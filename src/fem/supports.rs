@@ -10,7 +10,7 @@
 use super::grid::Grid;
 use super::lanes::Real;
 use super::layout::NodeLayout;
-use super::sheet::Mount;
+use super::sheet::{Mount, SheetSides};
 use deaflow_pattern::Part;
 
 /// The constrained nodes of a grid.
@@ -21,6 +21,8 @@ pub struct Supports {
     /// Indices of fixed nodes inside the rectangle, for the first component.
     held: Vec<usize>,
     bodies: Vec<Rigid>,
+    /// Number of bodies that are not bars.
+    drawn_bodies: usize,
     /// Those of `held` that share an element with a movable node.
     held_edge: Vec<usize>,
 }
@@ -83,7 +85,8 @@ impl Pose {
     }
 
     /// Returns R a.
-    fn turned(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+    #[must_use]
+    pub fn turned(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [c, s] = self.turn;
         [c * x - s * y, s * x + c * y]
     }
@@ -98,19 +101,30 @@ impl Pose {
 
 impl Supports {
     /// Creates the supports of a grid. `centroids` are the exact ones of bodies in units of the grid; without them they
-    /// are those of the cells.
+    /// are those of the cells. Bars of sides are the last bodies.
     #[must_use]
     pub fn new(grid: &Grid, centroids: Option<Vec<[f64; 2]>>, mounts: &[Mount]) -> Self {
         let layout = grid.layout();
-        let owners = Owners::new(grid);
+        let bars: Vec<(usize, Mount)> = grid.sheet_sides().into_iter().flat_map(SheetSides::bars).collect();
+        let owners = Owners::new(grid, mounts.len(), &bars);
         let mut supports = Self {
             plane: layout.vector_len() / 2,
             held: Vec::new(),
             held_edge: Vec::new(),
             bodies: Vec::new(),
+            drawn_bodies: mounts.len(),
         };
-        let centroids = centroids.unwrap_or_else(|| of_cells(grid));
-        for mount in mounts {
+        let mut centroids = centroids.unwrap_or_else(|| of_cells(grid));
+        for (side, _) in &bars {
+            let mut nodes = layout.side_nodes(*side);
+            let ends = nodes
+                .next()
+                .zip(nodes.last())
+                .map(|(a, b)| [a, b].map(|node| grid.node_position(node)));
+            let [a, b] = ends.expect("a side has two nodes");
+            centroids.push([0, 1].map(|c| 0.5 * (a[c] + b[c])));
+        }
+        for mount in mounts.iter().chain(bars.iter().map(|(_, bar)| bar)) {
             supports.bodies.push(Rigid {
                 nodes: RigidNodes::none(supports.plane),
                 edge: RigidNodes::none(supports.plane),
@@ -118,10 +132,10 @@ impl Supports {
             });
         }
         let [columns, rows] = layout.nodes();
-        for (column, row) in (1..rows - 1).flat_map(|row| (1..columns - 1).map(move |column| (column, row))) {
+        for (column, row) in (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row))) {
             let place = layout.index(0, column, row);
             match owners.of(column, row) {
-                Owner::Free => {}
+                Owner::Free | Owner::Side => {}
                 Owner::Frame => {
                     supports.held.push(place);
                     if owners.is_beside_other(column, row) {
@@ -142,7 +156,13 @@ impl Supports {
         supports
     }
 
-    /// Returns the bodies in their order.
+    /// Returns the number of bodies that are not bars.
+    #[must_use]
+    pub fn drawn_bodies(&self) -> usize {
+        self.drawn_bodies
+    }
+
+    /// Returns the bodies in their order, then the bars in that of the sides.
     #[must_use]
     pub fn bodies(&self) -> &[Rigid] {
         &self.bodies
@@ -168,10 +188,29 @@ impl Supports {
         &self.held_edge
     }
 
-    /// Returns whether a force acts on a body, so that the state of rest differs from that of the membrane.
+    /// Returns whether a force acts on a body, or moves it by a given distance, so that the state of rest differs from
+    /// that of the membrane.
     #[must_use]
     pub fn is_loaded(&self) -> bool {
-        self.bodies.iter().any(|body| body.mount.load != [0.0; 2])
+        let is_loaded = |mount: &Mount| mount.load != [0.0; 2] || mount.given != [0.0; 2];
+        self.bodies.iter().any(|body| is_loaded(&body.mount))
+    }
+
+    /// Returns whether a bar has a given motion.
+    #[must_use]
+    pub fn has_given_motions(&self) -> bool {
+        self.bodies.iter().any(|body| body.mount.given != [0.0; 2])
+    }
+
+    /// Writes a share of the given motions of bars; they keep their rotation.
+    pub fn give_motions(&self, share: f64, u: &mut [f64]) {
+        for body in self.bodies.iter().filter(|body| body.mount.given != [0.0; 2]) {
+            let pose = Pose {
+                translation: body.mount.given.map(|by| share * by),
+                ..body.nodes.pose(u)
+            };
+            body.nodes.place(&pose, u);
+        }
     }
 
     /// Returns the poses of the bodies.
@@ -203,7 +242,7 @@ impl Supports {
     pub fn settle_change(&self, u: &[f64], change: &mut [f64]) {
         let halfway = self.poses_between(u, change);
         for (body, middle) in self.bodies.iter().zip(halfway) {
-            let motion = body.nodes.motion(&middle, body.nodes.force(&middle, change));
+            let motion = body.motion(&middle, body.nodes.force(&middle, change));
             let first = body.nodes.pose(u);
             // The rotation by Δt + 2 sin ½Δθ J Rₘ (X − Xc), with Rₘ half of it.
             let s = (0.5 * motion[2]).clamp(-1.0, 1.0);
@@ -229,18 +268,24 @@ impl Supports {
         self.clear_held(vector);
         for (number, (body, pose)) in self.bodies.iter().zip(poses).enumerate() {
             let force = change(number, body.nodes.force(pose, vector));
-            body.nodes.spread(pose, force, vector);
+            body.nodes.write(pose, body.motion(pose, force), vector);
         }
     }
 
     /// Returns the dimensionless energy of forces and springs at some poses.
     #[must_use]
     pub fn energy(&self, poses: &[Pose]) -> f64 {
-        let each = self.bodies.iter().zip(poses).map(|(body, pose)| {
-            let ([x, y], Mount { load, spring }) = (pose.translation, body.mount);
-            0.5 * spring * (x * x + y * y) - load[0] * x - load[1] * y
-        });
+        let each = self.bodies.iter().zip(poses);
+        let each = each.map(|(body, pose)| body.mount.energy(pose.translation, pose.turned(body.mount.arm), 1.0));
         each.sum()
+    }
+}
+
+impl Rigid {
+    /// Returns (TᵀT)⁻¹ times a force and moment, for the motions that the body makes.
+    #[must_use]
+    pub fn motion(&self, pose: &Pose, force: [f64; 3]) -> [f64; 3] {
+        self.nodes.motion_in(pose, force, self.mount.moves)
     }
 }
 
@@ -335,7 +380,12 @@ impl RigidNodes {
 
     /// Returns (TᵀT)⁻¹ times a force and moment.
     #[must_use]
-    pub fn motion(&self, pose: &Pose, [p, q, moment]: [f64; 3]) -> [f64; 3] {
+    pub fn motion(&self, pose: &Pose, force: [f64; 3]) -> [f64; 3] {
+        self.motion_in(pose, force, [true; 3])
+    }
+
+    /// Like [`Self::motion`], where only some motions are free.
+    fn motion_in(&self, pose: &Pose, force: [f64; 3], moves: [bool; 3]) -> [f64; 3] {
         let count = self.len() as f64;
         let (mut sum, mut square) = ([0.0; 2], 0.0);
         for &arm in &self.arms {
@@ -343,8 +393,10 @@ impl RigidNodes {
             sum = [sum[0] + x, sum[1] + y];
             square += x * x + y * y;
         }
-        let [x, y] = sum.map(|sum| sum / count);
-        let turn = (moment - x * p - y * q) / (square - count * (x * x + y * y));
+        let only = |at: usize, value: f64| if moves[at] { value } else { 0.0 };
+        let [p, q] = [0, 1].map(|c| only(c, force[c]));
+        let [x, y] = [0, 1].map(|c| only(c, sum[c] / count));
+        let turn = only(2, (force[2] - x * p - y * q) / (square - count * (x * x + y * y)));
         [p / count - x * turn, q / count - y * turn, turn]
     }
 
@@ -370,6 +422,8 @@ enum Owner {
     Free,
     /// The frame.
     Frame,
+    /// A side that is held.
+    Side,
     /// A body.
     Body(usize),
 }
@@ -382,8 +436,9 @@ struct Owners {
 }
 
 impl Owners {
-    /// A node of several elements belongs to the frame before bodies, and to bodies before the membrane.
-    fn new(grid: &Grid) -> Self {
+    /// A node of several elements belongs to the frame before bodies, and to bodies before the membrane. Bars, on these
+    /// sides, are counted after so many bodies.
+    fn new(grid: &Grid, bodies: usize, bars: &[(usize, Mount)]) -> Self {
         let layout = grid.layout();
         let [columns, rows] = layout.nodes();
         let mut owners = Self {
@@ -407,12 +462,21 @@ impl Owners {
                 }
             }
         }
-        let on_edge = |node: usize| {
-            let (column, row) = (node % columns, node / columns);
-            column == 0 || row == 0 || column + 1 == columns || row + 1 == rows
-        };
-        let edge = (0..columns * rows).filter(|node| on_edge(*node));
-        edge.for_each(|node| owners.of[node] = Owner::Frame);
+        for (number, (side, _)) in bars.iter().enumerate() {
+            for [column, row] in layout.side_nodes(*side) {
+                owners.of[row * columns + column] = Owner::Body(bodies + number);
+            }
+        }
+        // A component that a roller holds is cleared with those of held sides.
+        let mut free = vec![1.0; layout.vector_len()];
+        layout.clear_frame(&mut free);
+        let [own, other] = [0, layout.vector_len() / 2];
+        for (column, row) in (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row))) {
+            let index = layout.index(0, column, row);
+            if free[own + index] == 0.0 && free[other + index] == 0.0 {
+                owners.of[row * columns + column] = Owner::Side;
+            }
+        }
         owners
     }
 
@@ -437,7 +501,11 @@ impl Owners {
         let across = range(row, rows);
         let along = range(column, columns);
         let mut around = across.flat_map(|row| along.clone().map(move |column| (column, row)));
-        around.any(|(column, row)| self.of(column, row) != own)
+        around.any(|(column, row)| {
+            let is_fixed = |owner| matches!(owner, Owner::Frame | Owner::Side);
+            let other = self.of(column, row);
+            other != own && !(is_fixed(own) && is_fixed(other))
+        })
     }
 }
 

@@ -1,5 +1,7 @@
 //! Results of a solution other than the displacement.
 
+use crate::displacement::Field;
+
 /// Largest share by which the critical voltage on one mesh may be too high.
 pub const MESH_OVERESTIMATE: f64 = 0.12;
 
@@ -18,6 +20,13 @@ pub struct Observation {
     pub critical_voltage: Option<[f64; 2]>,
     /// The motion of each rigid body.
     pub bodies: Option<Vec<Motion>>,
+    /// The motion of each bar, in the order of the sides.
+    pub bars: Option<Vec<Motion>>,
+    /// If a side is not held: the force in N of the left, right, lower and upper side on the membrane; 0 along
+    /// components that a side does not hold.
+    pub reactions: Option<[[f64; 2]; 4]>,
+    /// If a side is not held: the displacement at 0 V, with all loads.
+    pub rest: Option<Field>,
     /// Charge control: charge, voltage and stability.
     pub charged: Option<Charged>,
 }
@@ -45,6 +54,16 @@ pub struct Motion {
 }
 
 impl Observation {
+    /// Returns the displacement from rest: without voltage if not all sides are held, of the mount otherwise.
+    #[must_use]
+    pub fn from_rest(&self, field: &Field) -> Field {
+        let Some(rest) = &self.rest else {
+            return field.clone();
+        };
+        let moved = field.values().iter().zip(rest.values()).map(|(u, rest)| u - rest);
+        Field::from_values(field.raster(), moved.collect()).unwrap_or_else(|_| field.clone())
+    }
+
     /// Returns whether there are no results.
     #[must_use]
     pub fn is_empty(&self) -> bool {

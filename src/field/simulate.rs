@@ -166,6 +166,14 @@ pub struct Simulation {
     pub observation: Observation,
 }
 
+impl Simulation {
+    /// Returns the displacement from rest, if there is one: see [`Observation::from_rest`].
+    #[must_use]
+    pub fn stroke(&self) -> Option<Field> {
+        self.field.as_ref().map(|field| self.observation.from_rest(field))
+    }
+}
+
 /// Simulates patterns with a fixed scene and mesh.
 pub trait Simulator: Sync {
     /// Returns one result per pattern, in order. A result does not depend on the other patterns or on the number of

@@ -4,6 +4,7 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use super::shape::Shape;
+use super::sides::Sides;
 use deaflow_base::{
     Canonical, Decimal, Fields, Force, InputError, Length, Map, Node, NodeValue, Parameter, Schema, SpringRate,
     four_digits, parameters, words,
@@ -59,6 +60,8 @@ parameters! {
         pub frame: Option<Frame>,
         /// Rigid bodies in the membrane, such as end effectors, tips and rotors.
         pub bodies: Option<Vec<Body>> [((), 1..=MOST_BODIES)],
+        /// How the sides of the membrane are supported; held where not given.
+        pub sides: Option<Sides>,
     }
     rules(side_or_size)
     check(check)
@@ -154,6 +157,7 @@ fn check_frame(frame: &Frame, map: &Map<'_>) -> Result<(), InputError> {
 fn check(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
     check_size(geometry, map)?;
     check_files(geometry, map)?;
+    check_sides(geometry, map)?;
     let Err(error) = geometry.read_parts() else {
         return Ok(());
     };
@@ -180,6 +184,31 @@ fn check(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
     Err(node
         .map_or_else(|| map.error(&message), |node| node.error(&message))
         .help(help))
+}
+
+/// Checks that the membrane cannot move as a whole.
+fn check_sides(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
+    let Some(sides) = &geometry.sides else { return Ok(()) };
+    let Ok(parts) = geometry.read_parts() else {
+        return Ok(());
+    };
+    if parts.is_some_and(|parts| parts.cells(|part| part == Part::Frame).count() > 0) {
+        return Ok(());
+    }
+    let membrane = geometry.membrane();
+    let springs = geometry
+        .bodies
+        .iter()
+        .flatten()
+        .filter(|body| body.spring_n_per_m() > 0.0);
+    let centroids = springs.filter_map(|body| body.shape.region().polygons(membrane).centroid());
+    match sides.unresisted(membrane.size_mm, &centroids.collect::<Vec<_>>()) {
+        Some(why) => Err(map
+            .required("`geometry`", "sides")?
+            .error(why)
+            .help("hold a side, put sides on a `roller`, or give a bar a spring or fewer `moves`")),
+        None => Ok(()),
+    }
 }
 
 /// Checks that masks have the cells of the membrane, and that drawings reach it.
@@ -269,19 +298,22 @@ impl Geometry {
             cells: Both(Raster::PAPER.sides()),
             frame: None,
             bodies: None,
+            sides: None,
         }
     }
 
-    /// Returns the canonical form, in which a square has `side`.
+    /// Returns the canonical form, in which a square has `side`, and sides that are held are not given.
     #[must_use]
     pub fn normalised(self) -> Self {
+        let sides = self.sides.and_then(Sides::normalised);
         match &self.size {
             Some([x, y]) if x == y => Self {
                 side: Some(*x),
                 size: None,
+                sides,
                 ..self
             },
-            _ => self,
+            _ => Self { sides, ..self },
         }
     }
 
@@ -302,10 +334,10 @@ impl Geometry {
         }
     }
 
-    /// Returns whether a force acts on a body.
+    /// Returns whether the membrane moves without voltage: a force acts on a body, or a side is not held.
     #[must_use]
     pub fn has_forces(&self) -> bool {
-        self.bodies.iter().flatten().any(|body| body.load_n() != [0.0; 2])
+        self.sides.is_some() || self.bodies.iter().flatten().any(|body| body.load_n() != [0.0; 2])
     }
 
     /// Returns the part of the device that each cell belongs to; `None` if all are membrane.

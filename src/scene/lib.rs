@@ -16,6 +16,7 @@ mod named_files;
 mod outline;
 mod read;
 mod shape;
+mod sides;
 mod source;
 #[cfg(test)]
 mod tests;
@@ -37,5 +38,6 @@ pub use model::{ElasticModel, Material, Scene, VACUUM_PERMITTIVITY};
 pub use named_files::{material_file, scene_files};
 pub use outline::Outline;
 pub use shape::{Cells, Circle, Position, Shape, Shapes};
+pub use sides::{Bar, BarMotion, SideSupport, Sides};
 pub use source::Source;
 pub use waveform::{Knot, Ramp, Side, Sine, Step, Table, Waveform};

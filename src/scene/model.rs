@@ -200,8 +200,8 @@ impl Scene {
     }
 
     /// Returns the symmetries of the device: those of the square, or of a rectangle if sides, cells or prestretch
-    /// differ, that map frame, leads and bodies to themselves. A body can be mapped to another one with the same load
-    /// and spring.
+    /// differ, that map frame, leads, bodies and the supports of sides to themselves. A body can be mapped to another one with
+    /// the same load and spring.
     #[must_use]
     pub fn symmetries(&self) -> Symmetries {
         let [along, across] = self.prestretch();
@@ -215,6 +215,10 @@ impl Scene {
                 let touched = leads.touched(self.membrane().raster).pattern();
                 group.filter(|g| touched.transformed(g) == touched)
             }
+        };
+        let group = match &self.geometry.sides {
+            Some(sides) => sides.symmetries(group),
+            None => group,
         };
         let Some(parts) = self.parts() else {
             return group;

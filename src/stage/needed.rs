@@ -176,6 +176,26 @@ fn one_scene(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Re
     Ok(())
 }
 
+/// Refuses devices with sides that are not held: networks are zero on all sides.
+///
+/// # Errors
+/// If the scene of a need has one.
+pub fn no_free_sides(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
+    let has_free_sides = |need: &&StageDeclaration<'_>| {
+        let scene = nearest(need, simulating).and_then(|(_, origin)| read_of(&origin));
+        scene.is_some_and(|scene| scene.geometry.sides.is_some())
+    };
+    match needs.iter().find(has_free_sides) {
+        None => Ok(()),
+        Some(need) => Err(named(stage, need.name)
+            .error(format!(
+                "`{}` simulates a device with `sides` that are not held, but networks are zero on all sides",
+                need.name
+            ))
+            .help("search for designs with `evaluator: newton`")),
+    }
+}
+
 /// Refuses needs of different states of the device: no network and no calibration is of two states.
 ///
 /// # Errors

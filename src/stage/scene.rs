@@ -104,7 +104,11 @@ pub fn device_of(scene: &Scene) -> Device {
     let (parts, borders) = (scene.parts(), scene.borders());
     let opening = borders.as_ref().and_then(|borders| borders.opening.as_ref());
     let symmetries = scene.symmetries();
-    Device::within(scene.membrane(), scene.groups(), symmetries, parts.as_deref(), opening)
+    let device = Device::within(scene.membrane(), scene.groups(), symmetries, parts.as_deref(), opening);
+    match &scene.geometry.sides {
+        Some(sides) => device.with_free_sides(parts.as_deref(), |axis, end| sides.moves(axis, end)),
+        None => device,
+    }
 }
 
 /// Returns a number to add to the RECIPE of kinds whose area fractions are those in the scene of a pipeline.

@@ -77,6 +77,7 @@ impl Kind for TrainKind {
         without::check(stage, needs)?;
         needed::one_device(stage, needs)?;
         needed::no_edges_within_cells(stage, needs)?;
+        needed::no_free_sides(stage, needs)?;
         needed::no_designs_in_states(stage, needs)?;
         if needed::count(needs, &["train"]) > 1 {
             return Err(needed::wrong_number(

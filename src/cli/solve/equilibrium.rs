@@ -10,6 +10,7 @@ use super::{SolveArguments, cells};
 use crate::job::{JobResult, seconds_each};
 use crate::point::Probe;
 use crate::results::{AccuracyResult, CriticalBracket, Peak, SampleId, SampleResult, document, remarks, text};
+use crate::side_results::SideResults;
 use crate::{CliError, Exit, Output};
 use deaflow_base::Progress;
 use deaflow_content::{CoveredCells, DrawnElectrodes, Lines, Observations, Packed, SolveFile};
@@ -213,6 +214,7 @@ fn results(
                 .and_then(|cells| Some(wrinkled_fraction(cells.as_deref()?))),
             is_checked: !simulation.arguments.no_checks,
             near_limit: run.near_limit[index],
+            sides: SideResults::of(&run.screened.scene, solution),
             breakdown_ratio: solution.observation.breakdown_ratio.filter(|_| is_observed),
             critical: is_searched.then_some(CriticalBracket {
                 mesh: *mesh,

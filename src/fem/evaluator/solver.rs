@@ -292,7 +292,7 @@ fn on(mesh: Mesh, simulations: Vec<Simulation>) -> Vec<AccurateSimulation> {
 impl Predictor for Solver {
     fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
         let results = self.simulate(patterns).map_err(PredictError::failed)?;
-        Ok(results.into_iter().map(|result| result.simulation.field).collect())
+        Ok(results.into_iter().map(|result| result.simulation.stroke()).collect())
     }
 }
 

@@ -173,7 +173,8 @@ fn displacement(
     limit: WorkLimit,
 ) -> Result<(Option<Displacement>, u64), SetupError> {
     if solutions.iter().all(|solution| solution.outcome.is_converged()) {
-        let (before, after) = (without.solver.field(solutions[0]), with.solver.field(solutions[1]));
+        let [before, after] = [(without, solutions[0]), (with, solutions[1])]
+            .map(|(side, solution)| side.solver.stroke(pattern, solution));
         let voltage = without.solver.scene.voltage_v();
         return Ok((Some(Displacement::between(&before, &after, voltage)), 0));
     }
@@ -192,7 +193,10 @@ fn displacement(
         let solver = MembraneSolver::on_grid(&scene, OPTIONS, side.solver.grid.clone())?;
         let solution = solver.solve_within(pattern, limit);
         work += solution.work;
-        Ok(solution.outcome.is_converged().then(|| solver.field(&solution)))
+        Ok(solution
+            .outcome
+            .is_converged()
+            .then(|| solver.stroke(pattern, &solution)))
     };
     let (before, after) = (field_of(without)?, field_of(with)?);
     let displacement = before

@@ -22,6 +22,7 @@ mod outcome;
 mod paths;
 mod rectangles;
 mod scenes;
+mod sides;
 
 use super::direct::Factorisation;
 use super::effects::StableRange;
@@ -34,7 +35,7 @@ use super::sheet::Sheet;
 use super::supports::Pose;
 use super::*;
 use deaflow_base::Stream;
-use deaflow_field::{CORNERS, Field, Mesh, Order, Outcome, Simulator};
+use deaflow_field::{CORNERS, Field, Mesh, Order, Outcome, Simulation, Simulator};
 use deaflow_pattern::{CELLS, Membrane, Pattern, Raster, Symmetry};
 use deaflow_scene::Scene;
 

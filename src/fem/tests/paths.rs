@@ -230,6 +230,7 @@ fn with_stiffening<R>(work: impl FnOnce(&Problem<'_, fn(f64) -> Stiffening>) -> 
         laplacian: &Laplacian::new(&grid).unwrap(),
         material: Stiffening::new as fn(f64) -> Stiffening,
         tolerance: 1e-10,
+        at_rest: None,
     };
     work(&problem)
 }
@@ -264,6 +265,7 @@ fn loading_does_not_jump_to_the_branch_beyond_a_snap() {
                 activity: problem.activity,
                 laplacian: problem.laplacian,
                 tolerance: problem.tolerance,
+                at_rest: None,
             };
             let mut u = vec![0.0; problem.activity.grid().layout().vector_len()];
             let mut workspace = Workspace::new(u.len(), problem.laplacian);

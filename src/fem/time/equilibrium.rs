@@ -82,6 +82,7 @@ pub fn at_charge<L: Material, F: Fn(f64) -> L>(
             laplacian: problem.laplacian,
             material: &problem.material,
             tolerance: problem.tolerance,
+            at_rest: None,
         };
         let before = total.steps;
         let reached = charge::near(&problem, scene, charge, &start, (&mut *workspace, &mut *total))?;

@@ -169,6 +169,16 @@ pub fn refusal(scene: &Scene) -> Option<SetupError> {
     if charges && scene.effects.inertia.is_some() && scene.effects.wrinkling.is_some() {
         return Some(SetupError::MovingCharge);
     }
+    if scene.geometry.sides.is_some() {
+        // Branches would have to be relaxed, and masses at rest, in the released state.
+        let effects = [
+            (scene.effects.viscoelasticity.is_some(), "`viscoelasticity`"),
+            (scene.effects.inertia.is_some(), "`inertia`"),
+        ];
+        if let Some((_, with)) = effects.into_iter().find(|(is_on, _)| *is_on) {
+            return Some(SetupError::Sides { with });
+        }
+    }
     if scene.effects.electrode_resistance.is_some() {
         if scene.leads.is_none() {
             return Some(SetupError::Leads);

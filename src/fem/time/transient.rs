@@ -188,6 +188,7 @@ impl<F> TransientProblem<'_, F> {
             laplacian: self.problem.laplacian,
             material: &self.problem.material,
             tolerance: self.problem.tolerance,
+            at_rest: None,
         }
     }
 }

@@ -145,7 +145,7 @@ impl AmplitudeSolvers {
 
 /// Returns the fields of a result at all requested times; one field without times.
 fn fields_of(result: &AccurateSimulation, history: Option<&History>) -> Option<Vec<Field>> {
-    let last = result.simulation.field.clone()?;
+    let last = result.simulation.stroke()?;
     Some(history.map_or_else(|| vec![last], |history| history.fields.clone()))
 }
 

@@ -240,7 +240,7 @@ const SHAPES: [&str; 13] = [
       without: [{ rectangle: [[20 mm, 20 mm], [22 mm, 22 mm]] }]",
 ];
 
-const GEOMETRIES: [&str; 8] = [
+const GEOMETRIES: [&str; 10] = [
     "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, frame: { opening: { contours: [{ rule: even-odd, curves: [{ from: [45 mm, 25 mm],
       to: [{ arc: { centre: [25 mm, 25 mm], axes: [[20 mm, 0 mm], [0 mm, 20 mm]], start: 0, sweep: 6 } }, { line: [45 mm, 25 mm] },
       { cubic: [[46 mm, 25 mm], [46 mm, 26 mm], [45 mm, 25 mm]] }] }] }] },
@@ -253,6 +253,9 @@ const GEOMETRIES: [&str; 8] = [
       held: [{ mask: { columns: 4, rows: 4, runs: [0, 1, 15] } }] }, bodies: [{ mask: { columns: 4, rows: 4, runs: [10, 1, 5] } }] }",
     "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }",
     "{ size: [60 mm, 30 mm], thickness: 1.0 mm, prestretch: [3.0, 4], cells: [120, 60] }",
+    "{ size: [60 mm, 30 mm], thickness: 1.0 mm, prestretch: [3.0, 4], cells: [120, 60], sides: { left: held, right: { bar: { load: [0.5 N, 0 N], at: 4 mm, spring: 20 N/m,
+      moves: [x, y, turn] } }, top: free, bottom: { load: [0 N, -0.1 N] } } }",
+    "{ size: [60 mm, 30 mm], thickness: 1.0 mm, prestretch: [3.0, 4], cells: [120, 60], sides: { right: { bar: { displacement: [3 mm, 0 mm] } }, top: free, bottom: roller } }",
     "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, frame: { opening: { disc: { centre: [25 mm, 25 mm], radius: 24 mm } }, curves: fitted,
       held: [{ rectangle: [[24 mm, 24 mm], [26 mm, 26 mm]] }, { disc: { centre: [25 mm, 25 mm], radius: 1 mm } },
       { polygon: [[25 mm, 25 mm], [27 mm, 25 mm], [25 mm, 27 mm]] },

@@ -38,6 +38,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
                 laplacian: transient.problem.laplacian,
                 material: (),
                 tolerance: transient.problem.tolerance,
+                at_rest: None,
             };
             let workspace = &mut *self.workspace;
             match equilibrium(&problem, &material, &mut self.viscous, seconds, &mut u, workspace) {

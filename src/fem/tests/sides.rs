@@ -1,0 +1,365 @@
+//! Sides that are free, on rollers, under loads, or on rigid bars.
+
+use super::*;
+use crate::precondition::Laplacian;
+
+/// A scene of VHB 4910, 1 mm thick, with this geometry.
+fn scene(geometry: &str, voltage: f64) -> Scene {
+    Scene::from_text(&format!(
+        "geometry: {{ thickness: 1 mm, {geometry} }}\nmaterial: {{ model: neo-hookean, shear_modulus: 45 kPa, \
+         relative_permittivity: 4.7 }}\ndrive: {{ voltage: {voltage} V }}\neffects: {{}}"
+    ))
+    .unwrap()
+}
+
+/// A strip that is held on the left, with free long sides and this support on the right.
+fn strip(size: [f64; 2], prestretch: [f64; 2], cell: f64, right: &str, voltage: f64) -> Scene {
+    let ([x, y], [a, b]) = (size, prestretch);
+    let [columns, rows] = size.map(|side| (side / cell).round());
+    scene(
+        &format!(
+            "size: [{x} mm, {y} mm], prestretch: [{a}, {b}], cells: [{columns}, {rows}], sides: {{ right: {right}, top: \
+             free, bottom: free }}"
+        ),
+        voltage,
+    )
+}
+
+fn solver_of(scene: &Scene, mesh: Mesh) -> MembraneSolver {
+    MembraneSolver::new(scene, SolveOptions { mesh, tolerance: 1e-10 }).unwrap()
+}
+
+/// The cells whose middle lies in these ranges in mm.
+fn cells_in(scene: &Scene, [left, right]: [f64; 2], [low, high]: [f64; 2]) -> Pattern {
+    let membrane = scene.membrane();
+    Pattern::from_fn(membrane.raster, |x, y| {
+        let [x, y] = membrane.centre_mm(x, y);
+        left < x && x < right && low < y && y < high
+    })
+}
+
+fn solved(scene: &Scene, mesh: Mesh, pattern: &Pattern) -> (Simulation, MeshSolution) {
+    let solver = solver_of(scene, mesh);
+    let solution = solver.solve(pattern);
+    assert_eq!(solution.outcome, Outcome::Converged, "{:?}", scene.geometry);
+    (solver.simulation(pattern, &solution), solution)
+}
+
+/// Device, active region, expected translation of the bar and rotation in rad, and a corner with a displacement.
+type Known = (Scene, [[f64; 2]; 2], [f64; 2], f64, Option<([usize; 2], usize, f64)>);
+
+#[test]
+fn strips_with_bars_have_the_known_answers() {
+    let none = [[0.0; 2]; 2];
+    let (half, all) = ([0.0, 10.0], [0.0, 20.0]);
+    let load = |force: &str| format!("{{ bar: {{ load: {force} }} }}");
+    let cases: [Known; 6] = [
+        (
+            strip([20.0, 20.0], [2.0, 2.0], 2.0, &load("[0.3 N, 0 N]"), 0.0),
+            none,
+            [-8.871283, 0.0],
+            0.0,
+            Some(([5, 10], 1, -4.91053)),
+        ),
+        (
+            strip([40.0, 20.0], [2.0, 2.0], 2.0, &load("[0.3 N, 0 N]"), 0.0),
+            none,
+            [-16.175593, 0.0],
+            0.0,
+            None,
+        ),
+        (
+            strip([40.0, 20.0], [2.0, 2.0], 2.0, &load("[0.3 N, 0 N]"), 4000.0),
+            [[4.0, 36.0], all],
+            [-16.089768, 0.0],
+            0.0,
+            None,
+        ),
+        (
+            strip([100.0, 20.0], [1.0, 1.0], 2.0, &load("[0.3 N, 0 N]"), 0.0),
+            none,
+            [12.26815, 0.0],
+            0.0,
+            None,
+        ),
+        (
+            strip(
+                [20.0, 20.0],
+                [1.5, 1.5],
+                2.0,
+                "{ bar: { load: [0.4 N, 0 N], at: 4 mm } }",
+                0.0,
+            ),
+            none,
+            [-4.018777, -1.734257],
+            -0.5355546,
+            None,
+        ),
+        (
+            strip([40.0, 20.0], [2.0, 1.0], 2.0, &load("[0.4 N, 0 N]"), 6000.0),
+            [[4.0, 36.0], half],
+            [-16.71907, 0.040093],
+            0.0066008,
+            None,
+        ),
+    ];
+    for (scene, [along, across], translation, rotation, corner) in cases {
+        let pattern = cells_in(&scene, along, across);
+        let (found, solution) = solved(&scene, Mesh::biquadratic(1), &pattern);
+        let motion = found.observation.bodies.unwrap()[0];
+        let error = (0..2)
+            .map(|c| (motion.translation[c] - translation[c]).abs())
+            .fold(0.0, f64::max);
+        let turned = (motion.rotation.to_radians() - rotation).abs();
+        println!(
+            "{translation:?}: {error:.1e} {turned:.1e}, {} Newton, {} CG",
+            solution.newton_iterations, solution.krylov_iterations
+        );
+        assert!(
+            error < 2e-3 && turned < 2e-4,
+            "{motion:?} for {translation:?}, {rotation}"
+        );
+        if let Some(([x, y], c, exact)) = corner {
+            let value = found.field.unwrap().at_corner(x, y)[c];
+            assert!((value - exact).abs() < 2e-3, "{value} for {exact}");
+        }
+    }
+}
+
+/// A part of a membrane on rollers on the left and the bottom, so that its state is uniform.
+fn uniform(prestretch: f64, right: &str, top: &str, voltage: f64) -> Scene {
+    scene(
+        &format!(
+            "size: [30 mm, 20 mm], prestretch: {prestretch}, cells: [3, 2], sides: {{ left: roller, bottom: roller, \
+             right: {right}, top: {top} }}"
+        ),
+        voltage,
+    )
+}
+
+#[test]
+fn uniform_states_equal_the_closed_forms() {
+    let stretches = |scene: &Scene, active: bool| {
+        let pattern = Pattern::from_fn(scene.membrane().raster, |_, _| active);
+        let (found, _) = solved(scene, Mesh::bilinear(1), &pattern);
+        let [x, y] = found.field.unwrap().at_corner(3, 2);
+        let prestretch = scene.prestretch();
+        [prestretch[0] * (1.0 + x / 30.0), prestretch[1] * (1.0 + y / 20.0)]
+    };
+    // Released without voltage.
+    for prestretch in [1.0, 1.7, 3.0, 4.0] {
+        let [x, y] = stretches(&uniform(prestretch, "free", "free", 0.0), false);
+        assert!(
+            (x - 1.0).abs() < 1e-9 && (y - 1.0).abs() < 1e-9,
+            "{prestretch}: {x} {y}"
+        );
+    }
+    // A weight of 0.3 N on the right, at 4 kV.
+    let [x, y] = stretches(&uniform(2.0, "{ load: [0.3 N, 0 N] }", "free", 4000.0), true);
+    assert!(
+        (x - 1.282334201).abs() < 2e-9 && (y - 0.888533362).abs() < 2e-9,
+        "{x} {y}"
+    );
+    // Free, with κ: λ² − λ⁻⁴ = κλ⁴ for equal stretches.
+    let volts = 3000.0_f64;
+    let [x, y] = stretches(&uniform(3.0, "free", "free", volts), true);
+    let kappa = 4.7 * 8.854_187_812_8e-12 * (volts / 1e-3).powi(2) / 45e3;
+    assert!(
+        (x - y).abs() < 1e-9 && (x.powi(2) - x.powi(-4) - kappa * x.powi(4)).abs() < 1e-8,
+        "{x} {y}"
+    );
+}
+
+#[test]
+fn the_prestretch_is_only_where_displacements_count_from_if_nothing_holds_it() {
+    // Length and width at a stretch of 1 are the same.
+    let mut known: Option<f64> = None;
+    for stretch in [1.0, 2.0, 3.3] {
+        let size = [20.0 * stretch, 20.0];
+        let text = format!(
+            "size: [{} mm, 20 mm], prestretch: [{stretch}, 1], cells: [10, 10], sides: {{ right: {{ bar: {{ load: [0.2 \
+             N, 0.01 N] }} }}, top: free, bottom: free }}",
+            size[0]
+        );
+        let scene = scene(&text, 5000.0);
+        let pattern = cells_in(&scene, [0.2 * size[0], 0.8 * size[0]], [0.0, 10.0]);
+        let (found, _) = solved(&scene, Mesh::biquadratic(1), &pattern);
+        let place = size[0] + found.observation.bodies.unwrap()[0].translation[0];
+        let first = *known.get_or_insert(place);
+        assert!((place - first).abs() < 1e-8, "{stretch}: {place} {first}");
+    }
+}
+
+#[test]
+fn the_preconditioner_inverts_the_laplacian_for_all_sides() {
+    let words = [
+        "held",
+        "free",
+        "roller",
+        "{ bar: {} }",
+        "{ bar: { moves: [x] } }",
+        "{ bar: { moves: [y], spring: 1 N/m } }",
+    ];
+    let mut count = 0;
+    for number in 0..words.len().pow(4) {
+        let sides = [0, 1, 2, 3].map(|at| words[number / words.len().pow(at) % words.len()]);
+        let [left, right, bottom, top] = sides;
+        let text = format!(
+            "{{ geometry: {{ thickness: 1 mm, size: [40 mm, 26 mm], prestretch: [3, 2], cells: [8, 5], sides: {{ left: \
+             {left}, right: {right}, bottom: {bottom}, top: {top} }} }}, material: {{ model: neo-hookean, \
+             shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ voltage: 0 V }} }}"
+        );
+        let Ok(scene) = Scene::from_text(&text) else { continue };
+        let mesh = if number % 2 == 0 {
+            Mesh::bilinear(2)
+        } else {
+            Mesh::biquadratic(1)
+        };
+        let grid = Grid::uniform(mesh, &Sheet::of(&scene));
+        let material = NeoHookean::without_thickness();
+        let activity = Activity::new(&grid, &Pattern::from_fn(grid.raster(), |_, _| false));
+        let operator = Operator {
+            material: &material,
+            activity: &activity,
+            body_load: 1.0,
+        };
+        let laplacian = Laplacian::new(&grid).unwrap();
+        let mut u: Vec<f32> = (0..grid.layout().vector_len())
+            .map(|i| ((i * i) as f32 * 0.037).sin())
+            .collect();
+        let zero = vec![0.0; u.len()];
+        grid.restrict(&zero, &mut u);
+        let (mut r, mut back) = (zero.clone(), zero.clone());
+        operator.laplacian(&zero, &u, &mut r);
+        laplacian.solve(&r, &grid.poses(&zero), &mut back, &mut laplacian.scratch());
+        let worst = u.iter().zip(&back).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        let is_floating = (0..2).any(|c| (0..4).all(|side| grid.layout().free_sides().has(side / 2, side % 2, c)));
+        let springs = sides.iter().any(|side| side.contains("spring"));
+        if !is_floating && !springs {
+            assert!(worst < 2e-3, "{sides:?}: {worst:e}");
+            count += 1;
+        }
+    }
+    assert!(count > 50, "{count}");
+}
+
+#[test]
+fn tangents_are_derivatives_of_residuals_on_free_sides() {
+    let scene = strip(
+        [30.0, 20.0],
+        [2.0, 1.5],
+        5.0,
+        "{ bar: { load: [0.3 N, 0.1 N], at: 4 mm, spring: 5 N/m } }",
+        4000.0,
+    );
+    for mesh in [Mesh::bilinear(2), Mesh::biquadratic(1)] {
+        let solver = solver_of(&scene, mesh);
+        let grid = solver.grid();
+        let activity = Activity::new(grid, &cells_in(&scene, [5.0, 20.0], [0.0, 10.0]));
+        let material = NeoHookean::of(0.3, 0.2);
+        let operator = Operator::new(&material, &activity);
+        let len = grid.layout().vector_len();
+        let wave = |phase: f64| -> Vec<f64> {
+            let mut u: Vec<f64> = (0..len).map(|i| 0.02 * (i as f64 * 0.61 + phase).sin()).collect();
+            grid.restrict(&vec![0.0; len], &mut u);
+            grid.settle(&mut u);
+            u
+        };
+        let u = wave(0.2);
+        let mut du = wave(1.3);
+        grid.restrict(&u, &mut du);
+        let mut product = vec![0.0; len];
+        operator.tangent(&u, &du, &mut product);
+        let at = |step: f64| {
+            let mut moved: Vec<f64> = u.iter().zip(&du).map(|(u, du)| u + step * du).collect();
+            grid.settle(&mut moved);
+            let mut residual = vec![0.0; len];
+            operator.residual(&moved, &mut residual);
+            // The virtual work of one fixed motion, for which the projection of forces does not turn.
+            residual
+        };
+        let step = 1e-5;
+        let (ahead, behind) = (at(step), at(-step));
+        let difference: Vec<f64> = ahead.iter().zip(&behind).map(|(a, b)| (a - b) / (2.0 * step)).collect();
+        let bar: Vec<usize> = grid.supports().unwrap().bodies()[0]
+            .nodes
+            .iter()
+            .map(|(at, _)| at)
+            .collect();
+        let plane = len / 2;
+        let worst = (0..len)
+            .filter(|at| !bar.contains(&(at % plane)))
+            .map(|at| (difference[at] - product[at]).abs())
+            .fold(0.0, f64::max);
+        assert!(
+            worst < 1e-7 * norm(&product),
+            "{mesh}: {worst:e} of {:e}",
+            norm(&product)
+        );
+        // The factors have the same tangent.
+        let factors = Factorisation::new(&operator, &u).unwrap();
+        let back = factors.solve(&product);
+        let worst = back.iter().zip(&du).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(worst < 1e-10, "{mesh}: {worst:e}");
+    }
+}
+
+#[test]
+fn given_motions_of_bars_have_the_known_forces() {
+    let given = |by: &str| format!("{{ bar: {{ displacement: {by} }} }}");
+    // Size, prestretch, cell, motion, voltage, active range along x, force of the bar and of a corner.
+    let blocked = strip([40.0, 20.0], [3.0, 1.0], 2.0, &given("[0 mm, 0 mm]"), 4000.0);
+    let pulled = strip([10.0, 50.0], [1.0, 1.0], 1.0, &given("[5 mm, 0 mm]"), 0.0);
+    for (scene, along, force, ([x, y], exact)) in [
+        (blocked, [4.0, 36.0], 2.625177, ([10, 10], -2.809515)),
+        (pulled, [0.0; 2], 2.651387, ([5, 50], -1.28089)),
+    ] {
+        let pattern = cells_in(&scene, along, [0.0, 50.0]);
+        let (found, _) = solved(&scene, Mesh::biquadratic(1), &pattern);
+        let [left, right, ..] = found.observation.reactions.unwrap();
+        assert!((right[0] - force).abs() < 2e-4 * force, "{right:?} for {force}");
+        assert!(
+            (left[0] + right[0]).abs() < 1e-9 * force && left[1].abs() < 1e-9,
+            "{left:?} {right:?}"
+        );
+        let moved = found.field.unwrap().at_corner(x, y)[1];
+        assert!((moved - exact).abs() < 1e-3, "{moved} for {exact}");
+    }
+}
+
+#[test]
+fn forces_of_sides_balance_the_loads() {
+    let text = "size: [30 mm, 20 mm], prestretch: [2, 1.5], cells: [6, 5], sides: { left: held, bottom: roller, right: { \
+                load: [0.2 N, 0.05 N] }, top: { load: [0.03 N, 0.1 N] } }";
+    let scene = scene(text, 5000.0);
+    let pattern = cells_in(&scene, [5.0, 20.0], [4.0, 12.0]);
+    for mesh in [Mesh::bilinear(2), Mesh::biquadratic(1)] {
+        let (found, _) = solved(&scene, mesh, &pattern);
+        let sides = found.observation.reactions.unwrap();
+        let total = |c: usize| sides.iter().map(|force| force[c]).sum::<f64>();
+        assert!(
+            (total(0) + 0.23).abs() < 1e-9 && (total(1) + 0.15).abs() < 1e-9,
+            "{mesh}: {sides:?}"
+        );
+    }
+}
+
+#[test]
+fn gradients_on_free_sides_are_those_of_differences() {
+    let scene = strip(
+        [30.0, 20.0],
+        [2.0, 1.5],
+        5.0,
+        "{ bar: { load: [0.3 N, 0.1 N], at: 4 mm } }",
+        4000.0,
+    );
+    let solver = solver_of(&scene, Mesh::biquadratic(1));
+    let pattern = cells_in(&scene, [5.0, 20.0], [0.0, 10.0]);
+    let raster = scene.membrane().raster;
+    let mut weights = vec![0.0; 2 * raster.corners()];
+    // The lower corner of the bar, along both axes.
+    let corner = raster.columns();
+    (weights[2 * corner], weights[2 * corner + 1]) = (1.0, -0.5);
+    let weights = Field::from_values(raster, weights).unwrap();
+    check_gradient(&scene, &solver, &pattern, &weights, 0..raster.cells());
+}

@@ -1,0 +1,568 @@
+//! How each side of the membrane is supported: held, free, on rollers, under a load, or on a rigid bar.
+
+use std::ops::RangeInclusive;
+
+use super::leads::Edge;
+use deaflow_base::{
+    Canonical, Declared, Fields, Force, InputError, Length, Map, Node, NodeValue, Parameter, Schema, SpringRate,
+    parameters, words,
+};
+use deaflow_pattern::{Symmetries, Symmetry};
+
+/// The largest force in N and spring rate in N/m.
+const STRONGEST: f64 = 1e6;
+/// Displacements and distances in mm.
+const LENGTHS: RangeInclusive<f64> = -1e4..=1e4;
+
+words! {
+    /// A motion of a bar.
+    pub enum BarMotion {
+        /// Along x.
+        X = "x",
+        /// Along y.
+        Y = "y",
+        /// About the middle of the side.
+        Turn = "turn",
+    }
+}
+
+words! {
+    /// A support without further data.
+    enum Plain {
+        /// All displacements are zero.
+        Held = "held",
+        /// Nothing acts on the side.
+        Free = "free",
+        /// The displacement normal to the side is zero.
+        Roller = "roller",
+    }
+}
+
+parameters! {
+    /// A rigid bar along a whole side.
+    pub struct Bar as "`bar`" {
+        /// The dead force on the bar along x and y.
+        pub load: Option<[Force; 2]> [-STRONGEST..=STRONGEST],
+        /// Where the force acts: the distance along the side from its middle, upwards or to the right. The place turns
+        /// with the bar.
+        pub at: Option<Length> [LENGTHS],
+        /// A spring between the middle of the bar and its initial position.
+        pub spring: Option<SpringRate> [0.0..=STRONGEST],
+        /// The motions that the bar makes; all three if not given, none but this displacement if that is given.
+        pub moves: Option<Vec<BarMotion>> [((), 0..=3)],
+        /// A given displacement of the bar along x and y, instead of a load and a spring.
+        pub displacement: Option<[Length; 2]> [LENGTHS],
+    }
+    check(check_bar)
+}
+
+parameters! {
+    /// A support with data: one of these.
+    struct Loaded as "the support of a side" {
+        /// The total dead force on the side along x and y, uniform along the prestretched side.
+        load: Option<[Force; 2]> [-STRONGEST..=STRONGEST],
+        /// A rigid bar.
+        bar: Option<Bar>,
+    }
+    rules(one_of)
+    check(check_loaded)
+}
+
+fn one_of(fields: Fields) -> Fields {
+    fields.exactly_one(&["load", "bar"])
+}
+
+fn check_loaded(loaded: &Loaded, map: &Map<'_>) -> Result<(), InputError> {
+    match loaded.load.is_some() == loaded.bar.is_some() {
+        true => Err(map
+            .error("the support of a side must be either a `load` or a `bar`")
+            .help("for example { load: [0 N, 0.5 N] } or { bar: { load: [0.5 N, 0 N] } }")),
+        false => Ok(()),
+    }
+}
+
+fn check_bar(bar: &Bar, map: &Map<'_>) -> Result<(), InputError> {
+    if bar.displacement.is_none() {
+        return Ok(());
+    }
+    let moves = |motion| bar.moves.iter().flatten().any(|known| *known == motion);
+    let other = ["load", "spring"].into_iter().find_map(|key| map.optional(key));
+    if let Some(other) = other {
+        return Err(other
+            .error("a bar with a given `displacement` takes no load and no spring")
+            .help("the force that the displacement needs is the `reaction` of the side"));
+    }
+    match moves(BarMotion::X) || moves(BarMotion::Y) {
+        true => Err(map
+            .required("`bar`", "moves")?
+            .error("the displacement of this bar is given, so it can only turn")
+            .help("allowed: [] or [turn]")),
+        false => Ok(()),
+    }
+}
+
+/// How a side is supported.
+#[derive(Clone, Debug, PartialEq, Eq, Default)]
+pub enum SideSupport {
+    /// All displacements are zero.
+    #[default]
+    Held,
+    /// Nothing acts on the side.
+    Free,
+    /// The displacement normal to the side is zero.
+    Roller,
+    /// A total dead force along x and y, uniform along the prestretched side.
+    Load([Force; 2]),
+    /// A rigid bar.
+    Bar(Bar),
+}
+
+impl SideSupport {
+    /// Returns the components of the displacement, along x and y, that a side keeps at zero.
+    #[must_use]
+    pub fn holds(&self, edge: Edge) -> [bool; 2] {
+        match self {
+            Self::Held => [true; 2],
+            Self::Roller => [0, 1].map(|axis| axis == edge.normal_axis()),
+            Self::Free | Self::Load(_) | Self::Bar(_) => [false; 2],
+        }
+    }
+
+    /// Returns the bar, if there is one.
+    #[must_use]
+    pub fn bar(&self) -> Option<&Bar> {
+        match self {
+            Self::Bar(bar) => Some(bar),
+            _ => None,
+        }
+    }
+
+    /// Returns the dead force of a load in N.
+    #[must_use]
+    pub fn load_n(&self) -> Option<[f64; 2]> {
+        match self {
+            Self::Load(load) => Some(load.map(|force| force.value())),
+            _ => None,
+        }
+    }
+}
+
+impl Edge {
+    /// Returns the axis along the normal of the side: 0 for x, 1 for y.
+    #[must_use]
+    pub fn normal_axis(self) -> usize {
+        match self {
+            Self::Left | Self::Right => 0,
+            Self::Bottom | Self::Top => 1,
+        }
+    }
+
+    /// Returns the outward normal.
+    fn normal(self) -> [f64; 2] {
+        match self {
+            Self::Left => [-1.0, 0.0],
+            Self::Right => [1.0, 0.0],
+            Self::Bottom => [0.0, -1.0],
+            Self::Top => [0.0, 1.0],
+        }
+    }
+
+    /// Returns the two sides that meet this one at a corner.
+    fn neighbours(self) -> [Self; 2] {
+        match self.normal_axis() {
+            0 => [Self::Bottom, Self::Top],
+            _ => [Self::Left, Self::Right],
+        }
+    }
+
+    /// Returns the middle of the side of a membrane of a size.
+    #[must_use]
+    pub fn middle(self, size: [f64; 2]) -> [f64; 2] {
+        let axis = self.normal_axis();
+        let mut middle = size.map(|side| 0.5 * side);
+        middle[axis] = match self {
+            Self::Left | Self::Bottom => 0.0,
+            Self::Right | Self::Top => size[axis],
+        };
+        middle
+    }
+}
+
+impl Parameter for SideSupport {
+    type Limits = ();
+    type Literal = Self;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        if matches!(node.value(), NodeValue::Map(_)) {
+            let Loaded { load, bar } = Loaded::read_with(node, &[])?;
+            return Ok(match (load, bar) {
+                (Some(load), _) => Self::Load(load),
+                (None, Some(bar)) => Self::Bar(bar),
+                (None, None) => unreachable!("one of them is given"),
+            });
+        }
+        Ok(match Plain::read(node, key, &())? {
+            Plain::Held => Self::Held,
+            Plain::Free => Self::Free,
+            Plain::Roller => Self::Roller,
+        })
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        let loaded = |load, bar| Some(Loaded { load, bar }.to_canonical());
+        match self {
+            Self::Held => None,
+            Self::Free => Plain::Free.canonical(),
+            Self::Roller => Plain::Roller.canonical(),
+            Self::Load(load) => loaded(Some(*load), None),
+            Self::Bar(bar) => loaded(None, Some(bar.clone())),
+        }
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::any_of([Plain::schema(&()), Loaded::schema(&())])
+    }
+
+    fn literal(literal: Self) -> Self {
+        literal
+    }
+}
+
+parameters! {
+    /// How the sides of the membrane are supported; held where not given.
+    pub struct Sides as "`sides`" {
+        /// The left side.
+        pub left: Option<SideSupport>,
+        /// The right side.
+        pub right: Option<SideSupport>,
+        /// The lower side.
+        pub bottom: Option<SideSupport>,
+        /// The upper side.
+        pub top: Option<SideSupport>,
+    }
+    check(check)
+}
+
+const HELD: &SideSupport = &SideSupport::Held;
+
+impl Sides {
+    /// Returns the support of a side.
+    #[must_use]
+    pub fn of(&self, edge: Edge) -> &SideSupport {
+        let given = match edge {
+            Edge::Left => &self.left,
+            Edge::Right => &self.right,
+            Edge::Bottom => &self.bottom,
+            Edge::Top => &self.top,
+        };
+        given.as_ref().unwrap_or(HELD)
+    }
+
+    /// Returns all sides with their supports.
+    pub fn iter(&self) -> impl Iterator<Item = (Edge, &SideSupport)> {
+        Edge::ALL.into_iter().map(|edge| (edge, self.of(edge)))
+    }
+
+    /// Returns whether some displacement is free on the low (0) or high (1) side along an axis.
+    #[must_use]
+    pub fn moves(&self, axis: usize, end: usize) -> bool {
+        let mut along = Edge::ALL.into_iter().filter(|edge| edge.normal_axis() == axis);
+        along.nth(end).is_some_and(|edge| self.of(edge) != HELD)
+    }
+
+    /// Returns the canonical form, in which sides that are held are not given; `None` if all are.
+    #[must_use]
+    pub fn normalised(self) -> Option<Self> {
+        let given = |side: Option<SideSupport>| side.filter(|side| *side != SideSupport::Held);
+        let sides = Self {
+            left: given(self.left),
+            right: given(self.right),
+            bottom: given(self.bottom),
+            top: given(self.top),
+        };
+        let are_held = sides.iter().all(|(_, side)| side == HELD);
+        (!are_held).then_some(sides)
+    }
+
+    /// Returns a rigid motion of a membrane of a size that neither the sides nor springs at these points resist, in
+    /// words.
+    pub(super) fn unresisted(&self, size: [f64; 2], springs: &[[f64; 2]]) -> Option<&'static str> {
+        // Each constraint is a row for a translation along x, one along y, and a turn about the middle.
+        let half = size.map(|side| 0.5 * side);
+        let at = |[x, y]: [f64; 2], axis: usize| match axis {
+            0 => [1.0, 0.0, (half[1] - y) / half[1]],
+            _ => [0.0, 1.0, (x - half[0]) / half[0]],
+        };
+        const TURN: [f64; 3] = [0.0, 0.0, 1.0];
+        let mut rows: Vec<[f64; 3]> = springs
+            .iter()
+            .flat_map(|point| [0, 1].map(|axis| at(*point, axis)))
+            .collect();
+        for (edge, side) in self.iter() {
+            let middle = edge.middle(size);
+            let held = match side.bar() {
+                Some(bar) => {
+                    let [x, y, turns] = bar.moves();
+                    rows.extend((!turns).then_some(TURN));
+                    [x, y].map(|moves| !moves || bar.spring_n_per_m() > 0.0)
+                }
+                None => side.holds(edge),
+            };
+            rows.extend((0..2).filter(|axis| held[*axis]).map(|axis| at(middle, axis)));
+            rows.extend((side.bar().is_none() && held.contains(&true)).then_some(TURN));
+        }
+        let has = |motion: usize| rows.iter().any(|row| row[motion] != 0.0);
+        let gram = |i: usize, k: usize| rows.iter().map(|row| row[i] * row[k]).sum::<f64>();
+        let minor = |i: usize, k: usize| {
+            let [[a, b], [c, d]] = [[(i + 1) % 3, (i + 2) % 3], [(k + 1) % 3, (k + 2) % 3]];
+            gram(a, c) * gram(b, d) - gram(a, d) * gram(b, c)
+        };
+        let determinant: f64 = (0..3).map(|k| gram(0, k) * minor(0, k)).sum();
+        if !has(0) {
+            Some("nothing holds the membrane along x")
+        } else if !has(1) {
+            Some("nothing holds the membrane along y")
+        } else if determinant < 1e-9 {
+            Some("nothing keeps the membrane from turning")
+        } else {
+            None
+        }
+    }
+}
+
+impl Sides {
+    /// Returns the symmetries that map each side to one with the same support.
+    pub(super) fn symmetries(&self, of: Symmetries) -> Symmetries {
+        of.filter(|g| {
+            self.iter().all(|(edge, side)| {
+                let normal = g.apply_vector(edge.normal());
+                let image = Edge::ALL.into_iter().find(|edge| edge.normal() == normal);
+                image.is_some_and(|image| Action::of(edge, side).image(g) == Action::of(image, self.of(image)))
+            })
+        })
+    }
+}
+
+/// What a side does, as vectors that symmetries map.
+#[derive(PartialEq)]
+struct Action {
+    has_bar: bool,
+    /// Whether x and y are held, or do not move by themselves on a bar.
+    fixed: [bool; 2],
+    turns: bool,
+    load: [f64; 2],
+    given: [f64; 2],
+    /// From the middle of the side to the place of the load.
+    arm: [f64; 2],
+    spring: f64,
+}
+
+impl Action {
+    fn of(edge: Edge, side: &SideSupport) -> Self {
+        let mut action = Self {
+            has_bar: side.bar().is_some(),
+            fixed: side.holds(edge),
+            turns: true,
+            load: side.load_n().unwrap_or_default(),
+            given: [0.0; 2],
+            arm: [0.0; 2],
+            spring: 0.0,
+        };
+        if let Some(bar) = side.bar() {
+            let [x, y, turns] = bar.moves();
+            action.arm[1 - edge.normal_axis()] = bar.at_mm();
+            action = Self {
+                fixed: [!x, !y],
+                turns,
+                load: bar.load_n(),
+                given: bar.displacement_mm().unwrap_or_default(),
+                spring: bar.spring_n_per_m(),
+                ..action
+            };
+        }
+        action
+    }
+
+    /// Returns the image under a symmetry.
+    fn image(self, g: Symmetry) -> Self {
+        let [x, y] = self.fixed;
+        Self {
+            fixed: if g.exchanges_axes() { [y, x] } else { [x, y] },
+            load: g.apply_vector(self.load),
+            given: g.apply_vector(self.given),
+            arm: g.apply_vector(self.arm),
+            ..self
+        }
+    }
+}
+
+impl Bar {
+    /// Returns the force in N.
+    #[must_use]
+    pub fn load_n(&self) -> [f64; 2] {
+        self.load.map_or([0.0; 2], |load| load.map(|force| force.value()))
+    }
+
+    /// Returns the distance of the force from the middle of the side in mm.
+    #[must_use]
+    pub fn at_mm(&self) -> f64 {
+        self.at.map_or(0.0, |at| at.value())
+    }
+
+    /// Returns the spring rate in N/m.
+    #[must_use]
+    pub fn spring_n_per_m(&self) -> f64 {
+        self.spring.map_or(0.0, |spring| spring.value())
+    }
+
+    /// Returns the given displacement in mm.
+    #[must_use]
+    pub fn displacement_mm(&self) -> Option<[f64; 2]> {
+        self.displacement.map(|by| by.map(|length| length.value()))
+    }
+
+    /// Returns whether the bar moves along x, along y, and turns, by itself.
+    #[must_use]
+    pub fn moves(&self) -> [bool; 3] {
+        let all = [BarMotion::X, BarMotion::Y, BarMotion::Turn];
+        match (&self.moves, &self.displacement) {
+            (Some(moves), _) => all.map(|motion| moves.contains(&motion)),
+            (None, None) => [true; 3],
+            (None, Some(_)) => [false; 3],
+        }
+    }
+}
+
+fn check(sides: &Sides, map: &Map<'_>) -> Result<(), InputError> {
+    for (edge, side) in sides.iter() {
+        let Some(bar) = side.bar() else { continue };
+        let name = edge.name();
+        let node = map.required("`sides`", name)?;
+        for other in edge.neighbours() {
+            let beside = other.name();
+            match sides.of(other) {
+                SideSupport::Held => {
+                    return Err(node
+                        .error(format!(
+                            "the bar on the {name} side ends at the {beside} side, which is held"
+                        ))
+                        .help(format!("free the {beside} side, or put it on a roller")));
+                }
+                SideSupport::Bar(_) => {
+                    return Err(node
+                        .error(format!("the bars on the {name} and the {beside} side meet at a corner"))
+                        .help("use bars on opposite sides only"));
+                }
+                SideSupport::Roller => {
+                    let across = other.normal_axis();
+                    let [x, y, turns] = bar.moves();
+                    let given = bar.displacement_mm().unwrap_or_default();
+                    if [x, y][across] || turns || given[across] != 0.0 {
+                        let along = ["y", "x"][across];
+                        return Err(node
+                            .error(format!(
+                                "the bar on the {name} side ends on the roller of the {beside} side, so it moves along \
+                                 {along} only"
+                            ))
+                            .help(format!("give the bar `moves: [{along}]`")));
+                    }
+                }
+                SideSupport::Free | SideSupport::Load(_) => {}
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Scene;
+
+    fn sides(text: &str) -> Result<Scene, String> {
+        let text = format!(
+            "{{ geometry: {{ size: [40 mm, 20 mm], thickness: 1 mm, prestretch: [2, 1], cells: [20, 10], sides: {text} \
+             }}, material: {{ model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ \
+             voltage: 4 kV }} }}"
+        );
+        Scene::from_text(&text).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn sides_that_are_held_are_in_no_key() {
+        let plain = sides("{}").unwrap();
+        assert_eq!(plain.geometry.sides, None);
+        assert_eq!(
+            sides("{ left: held, top: held }").unwrap().canonical(),
+            plain.canonical()
+        );
+        let bar = sides("{ right: { bar: { load: [0.5 N, 0 N], at: 4 mm } }, top: free, bottom: free }").unwrap();
+        let text = bar.to_text();
+        assert!(text.contains("top: free") && !text.contains("left"), "{text}");
+        assert_eq!(Scene::from_text(&text).unwrap(), bar);
+    }
+
+    #[test]
+    fn symmetries_map_sides_to_sides_with_the_same_support() {
+        for (text, count) in [
+            ("{ left: free, right: free }", 4),
+            ("{ right: free }", 2),
+            ("{ right: { bar: { load: [1 N, 0 N] } }, top: free, bottom: free }", 2),
+            (
+                "{ right: { bar: { load: [1 N, 0 N], at: 4 mm } }, top: free, bottom: free }",
+                1,
+            ),
+            ("{ right: { bar: { load: [0 N, 1 N] } }, top: free, bottom: free }", 1),
+            ("{ right: roller, left: roller }", 4),
+            ("{ top: { load: [0 N, 1 N] }, bottom: { load: [0 N, -1 N] } }", 4),
+            ("{ top: { load: [0 N, 1 N] }, bottom: { load: [0 N, 1 N] } }", 2),
+        ] {
+            assert_eq!(sides(text).unwrap().symmetries().count(), count, "{text}");
+        }
+    }
+
+    #[test]
+    fn corners_that_two_supports_share_are_checked() {
+        for (text, expected) in [
+            ("{ right: { bar: {} } }", "ends at the bottom side, which is held"),
+            (
+                "{ right: { bar: {} }, top: { bar: {} }, bottom: free, left: free }",
+                "meet at a corner",
+            ),
+            (
+                "{ right: { bar: {} }, top: free, bottom: roller }",
+                "moves along x only",
+            ),
+            ("{ right: { load: [1 N, 0 N], bar: {} } }", "either a `load` or a `bar`"),
+            (
+                "{ right: { bar: { displacement: [1 mm, 0 mm], spring: 2 N/m } }, top: free, bottom: free }",
+                "no spring",
+            ),
+            (
+                "{ right: { bar: { displacement: [1 mm, 0 mm], moves: [x] } }, top: free, bottom: free }",
+                "only turn",
+            ),
+            (
+                "{ left: free, right: { bar: {} }, top: free, bottom: free }",
+                "nothing holds the membrane along x",
+            ),
+            (
+                "{ left: roller, right: free, top: free, bottom: free }",
+                "nothing holds the membrane along y",
+            ),
+            (
+                "{ left: free, right: { bar: { moves: [turn] } }, top: free, bottom: free }",
+                "nothing keeps the membrane from turning",
+            ),
+        ] {
+            let error = sides(text).unwrap_err();
+            assert!(error.contains(expected), "{text}: {error}");
+        }
+        for text in [
+            "{ right: { bar: { moves: [x] } }, top: free, bottom: roller }",
+            "{ left: free, right: { bar: { spring: 1 N/m, moves: [x, y] } }, top: free, bottom: free }",
+            "{ left: roller, right: free, bottom: roller, top: free }",
+        ] {
+            sides(text).unwrap();
+        }
+    }
+}
