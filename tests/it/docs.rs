@@ -58,6 +58,11 @@ fn the_page_on_data_is_true() {
 }
 
 #[test]
+fn the_page_on_sides_is_true() {
+    run("docs/sides.md");
+}
+
+#[test]
 fn the_page_on_fitting_is_true() {
     run("docs/fit.md");
 }

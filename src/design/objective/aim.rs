@@ -90,7 +90,10 @@ impl Aim {
 
     pub(super) fn placed(&self, membrane: &Membrane) -> Result<PlacedAim, GoalError> {
         let mut inside = self.point_mm.iter().zip(membrane.size_mm);
-        if !inside.all(|(&c, side)| c > 0.0 && c < side) {
+        // Bars are on sides of the membrane.
+        let can_be_on_edge = self.body.is_some();
+        let is_inside = |c: f64, side: f64| (c > 0.0 && c < side) || (can_be_on_edge && (0.0..=side).contains(&c));
+        if !inside.all(|(&c, side)| is_inside(c, side)) {
             return Err(GoalError::Point {
                 point: self.point_mm,
                 size: membrane.size_text(),

@@ -7,7 +7,7 @@ use super::error::GoalError;
 use super::field_file;
 use super::goal::Goal;
 use super::measure::{Displacement, Distance, MEASURES, Measure};
-use super::points::{BodyParameters, MAX_MM, PointOrBody, PointParameters, ROTATIONS};
+use super::points::{BarParameters, BodyParameters, MAX_MM, PointOrBody, PointParameters, ROTATIONS};
 use crate::text::flow_mapping;
 use deaflow_base::{
     Canonical, Declared, Fields, Frequency, InputError, Length, Node, Parameter, Schema, Time, parameters,
@@ -55,6 +55,18 @@ parameters! {
     include {
         /// The body.
         body: BodyParameters,
+        /// How it is measured.
+        measured: MeasureParameters,
+    }
+    rules(measure_supports_rotations)
+}
+
+parameters! {
+    /// A bar on a side of the membrane and its target motion.
+    struct OneBar as "the objective" {}
+    include {
+        /// The bar.
+        bar: BarParameters,
         /// How it is measured.
         measured: MeasureParameters,
     }
@@ -236,7 +248,8 @@ impl Objective {
         }
     }
 
-    /// Reads a point (`{ point, direction }`), a rigid body (`{ body, direction }`), several of them (`{ points: [{
+    /// Reads a point (`{ point, direction }`), a rigid body (`{ body, direction }`) or a bar (`{ bar,
+    /// direction }`), several of them (`{ points: [{
     /// point, direction, weight, state }, …] }`), or a target field (`{ field: FILE.csv }`). In place of a direction a
     /// point may have a target `displacement: [x, y]`, a body a `translation: [x, y]` or a `rotation`. Optional keys
     /// are `measure`, `value` (the target displacement along each direction), `time` and `frequency`.
@@ -258,6 +271,9 @@ impl Objective {
         } else if node.peek("body").is_some() {
             let OneBody { body, measured } = OneBody::read_with(node, &[])?;
             (vec![PointOrBody::Body(body)], measured, None)
+        } else if node.peek("bar").is_some() {
+            let OneBar { bar, measured } = OneBar::read_with(node, &[])?;
+            (vec![PointOrBody::Bar(bar)], measured, None)
         } else {
             let read = OnePoint::read_with(node, &[])?;
             (
@@ -332,6 +348,7 @@ impl Parameter for Objective {
         let forms = [
             OnePoint::fields(),
             OneBody::fields(),
+            OneBar::fields(),
             ManyPoints::fields(),
             FieldObjective::fields(),
         ];

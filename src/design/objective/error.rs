@@ -29,6 +29,12 @@ pub enum GoalError {
         /// The number of bodies.
         count: usize,
     },
+    /// There is no bar on a side.
+    #[error("there is no bar on the {side} side of the membrane")]
+    Bar {
+        /// The side.
+        side: &'static str,
+    },
     /// There is no such state.
     #[error("there is no state `{found}`: the scene has {}", if states.is_empty() { "none" } else { states.as_str() })]
     State {

@@ -6,7 +6,7 @@ use crate::text::flow_value;
 use deaflow_base::{
     Angle, Canonical, Decimal, Declared, Fields, InputError, Length, Map, Node, Parameter, Schema, parameters,
 };
-use deaflow_scene::{MOST_BODIES, Scene, States};
+use deaflow_scene::{Edge, MOST_BODIES, Scene, States};
 
 /// Largest coordinate and displacement in mm.
 pub(super) const MAX_MM: f64 = 1e4;
@@ -39,10 +39,8 @@ parameters! {
 }
 
 parameters! {
-    /// A rigid body and its target motion.
-    pub(super) struct BodyParameters as "a body of the objective" {
-        /// Index in the `bodies` of the scene, from 0.
-        pub(super) body: usize [0..=MOST_BODIES as u64 - 1],
+    /// The target motion of a rigid body or a bar.
+    pub(super) struct RigidMotion as "a body of the objective" {
         /// Direction of the centroid, counterclockwise from the x axis.
         pub(super) direction: Option<Angle> [-360.0..=360.0],
         /// Target displacement of the centroid.
@@ -56,14 +54,39 @@ parameters! {
         pub(super) state: Option<StateName>,
     }
     rules(one_of_three_motions)
-    check(BodyParameters::check)
+    check(RigidMotion::check)
 }
 
-/// A point or a body, and its target motion.
+parameters! {
+    /// A rigid body and its target motion.
+    pub(super) struct BodyParameters as "a body of the objective" {
+        /// Index in the `bodies` of the scene, from 0.
+        pub(super) body: usize [0..=MOST_BODIES as u64 - 1],
+    }
+    include {
+        /// Its motion.
+        pub(super) motion: RigidMotion,
+    }
+}
+
+parameters! {
+    /// A bar on a side of the membrane and its target motion.
+    pub(super) struct BarParameters as "a bar of the objective" {
+        /// The side of the membrane.
+        pub(super) bar: Edge,
+    }
+    include {
+        /// Its motion.
+        pub(super) motion: RigidMotion,
+    }
+}
+
+/// A point, a body or a bar, and its target motion.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum PointOrBody {
     Point(PointParameters),
     Body(BodyParameters),
+    Bar(BarParameters),
 }
 
 /// The name of a state of the device.
@@ -105,7 +128,7 @@ impl PointParameters {
     }
 }
 
-impl BodyParameters {
+impl RigidMotion {
     fn check(&self, map: &Map<'_>) -> Result<(), InputError> {
         let mut given = MOTIONS.into_iter().filter_map(|key| map.optional(key));
         match (given.next(), given.next()) {
@@ -139,21 +162,35 @@ fn along(direction: Option<Angle>, value: Option<Length>) -> Motion {
 }
 
 impl PointOrBody {
-    /// Whether there is a target displacement or angle, not only a direction.
-    pub fn has_target(&self) -> bool {
+    /// The motion of a body or a bar.
+    fn rigid(&self) -> Option<&RigidMotion> {
         match self {
-            Self::Point(point) => point.displacement.is_some(),
-            Self::Body(body) => body.translation.is_some() || matches!(body.rotation, Some(Rotation::By(_))),
+            Self::Point(_) => None,
+            Self::Body(body) => Some(&body.motion),
+            Self::Bar(bar) => Some(&bar.motion),
         }
     }
 
+    fn rotation(&self) -> Option<&Rotation> {
+        self.rigid()?.rotation.as_ref()
+    }
+
+    /// Whether there is a target displacement or angle, not only a direction.
+    pub fn has_target(&self) -> bool {
+        let has_vector = match self {
+            Self::Point(point) => point.displacement.is_some(),
+            Self::Body(_) | Self::Bar(_) => self.rigid().is_some_and(|rigid| rigid.translation.is_some()),
+        };
+        has_vector || matches!(self.rotation(), Some(Rotation::By(_)))
+    }
+
     pub fn is_rotation(&self) -> bool {
-        matches!(self, Self::Body(body) if body.rotation.is_some())
+        self.rotation().is_some()
     }
 
     /// Whether it is a rotation as far as possible.
     pub fn is_farthest_rotation(&self) -> bool {
-        matches!(self, Self::Body(body) if matches!(body.rotation, Some(Rotation::Farthest(_))))
+        matches!(self.rotation(), Some(Rotation::Farthest(_)))
     }
 
     /// Keys and values in YAML; the default weight is omitted.
@@ -166,7 +203,11 @@ impl PointOrBody {
             }
             Self::Body(body) => {
                 body.entries(&mut entries);
-                body.weight
+                body.motion.weight
+            }
+            Self::Bar(bar) => {
+                bar.entries(&mut entries);
+                bar.motion.weight
             }
         };
         let is_default = weight.to_f64() == 1.0;
@@ -177,22 +218,30 @@ impl PointOrBody {
 
     /// The aim in a scene; `value` is the target displacement along directions.
     pub fn aim(&self, value: Option<Length>, scene: &Scene) -> Result<Aim, GoalError> {
-        let (point_mm, body, motion, weight, state) = match self {
+        let rigid = |motion: &RigidMotion, (centroid_mm, markers)| Aim {
+            point_mm: centroid_mm,
+            body: Some(markers),
+            motion: motion.motion(value),
+            weight: motion.weight.to_f64(),
+            state: 0,
+        };
+        let (aim, state) = match self {
             Self::Point(point) => {
-                let motion = point.motion(value);
-                (point.point.map(|c| c.value()), None, motion, point.weight, &point.state)
+                let aim = Aim {
+                    point_mm: point.point.map(|c| c.value()),
+                    body: None,
+                    motion: point.motion(value),
+                    weight: point.weight.to_f64(),
+                    state: 0,
+                };
+                (aim, &point.state)
             }
-            Self::Body(body) => {
-                let (centroid_mm, markers) = markers(scene, body.body)?;
-                (centroid_mm, Some(markers), body.motion(value), body.weight, &body.state)
-            }
+            Self::Body(body) => (rigid(&body.motion, markers(scene, body.body)?), &body.motion.state),
+            Self::Bar(bar) => (rigid(&bar.motion, markers_of_bar(scene, bar.bar)?), &bar.motion.state),
         };
         Ok(Aim {
-            point_mm,
-            body,
-            motion,
-            weight: weight.to_f64(),
             state: state_index(scene, state.as_ref())?,
+            ..aim
         })
     }
 }
@@ -246,14 +295,39 @@ fn markers(scene: &Scene, body: usize) -> Result<([f64; 2], BodyMarkers), GoalEr
     Ok((centroid, markers))
 }
 
+/// The middle of a bar in mm, and its ends as markers.
+fn markers_of_bar(scene: &Scene, edge: Edge) -> Result<([f64; 2], BodyMarkers), GoalError> {
+    let bar = scene.geometry.sides.as_ref().and_then(|sides| sides.of(edge).bar());
+    bar.ok_or(GoalError::Bar { side: edge.name() })?;
+    let membrane = scene.membrane();
+    let (size, [columns, rows]) = (membrane.size_mm, membrane.raster.sides());
+    let ends = match edge {
+        Edge::Left => [[0, 0], [0, rows]],
+        Edge::Right => [[columns, 0], [columns, rows]],
+        Edge::Bottom => [[0, 0], [columns, 0]],
+        Edge::Top => [[0, rows], [columns, rows]],
+    };
+    let mut offset_mm = [0.0; 2];
+    let along = 1 - edge.normal_axis();
+    offset_mm[along] = size[along];
+    let markers = BodyMarkers {
+        ends,
+        start_mm: offset_mm.map(|offset| -0.5 * offset),
+        offset_mm,
+        arm_mm: 0.5 * size[along],
+    };
+    Ok((edge.middle(size), markers))
+}
+
 impl Parameter for PointOrBody {
     type Limits = ();
     type Literal = Self;
 
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
-        match node.peek("body") {
-            Some(_) => BodyParameters::read(node, key, &()).map(Self::Body),
-            None => PointParameters::read(node, key, &()).map(Self::Point),
+        match (node.peek("body"), node.peek("bar")) {
+            (Some(_), _) => BodyParameters::read(node, key, &()).map(Self::Body),
+            (None, Some(_)) => BarParameters::read(node, key, &()).map(Self::Bar),
+            (None, None) => PointParameters::read(node, key, &()).map(Self::Point),
         }
     }
 
@@ -261,11 +335,16 @@ impl Parameter for PointOrBody {
         Some(match self {
             Self::Point(point) => point.to_canonical(),
             Self::Body(body) => body.to_canonical(),
+            Self::Bar(bar) => bar.to_canonical(),
         })
     }
 
     fn schema((): &()) -> Schema {
-        Schema::any_of([PointParameters::schema(&()), BodyParameters::schema(&())])
+        Schema::any_of([
+            PointParameters::schema(&()),
+            BodyParameters::schema(&()),
+            BarParameters::schema(&()),
+        ])
     }
 
     fn literal(literal: Self) -> Self {
