@@ -7,6 +7,7 @@ use super::families::Families;
 use super::reference::Reference;
 use super::timing::timed;
 use deaflow_base::Progress;
+use deaflow_fem::GeometryError;
 use deaflow_field::Field;
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
@@ -25,8 +26,10 @@ pub struct Benchmark {
     pub reference: Reference,
     /// The reference solutions; `None` without a stable one.
     pub fields: Vec<Option<Field>>,
-    /// The errors that these may still have, in mm.
+    /// The errors of their meshes, in mm.
     pub errors: Vec<f64>,
+    /// Their errors of geometry, of all methods alike; `None` if elements follow all shapes.
+    pub geometry: Option<Vec<GeometryError>>,
 }
 
 /// The errors and times of a method.
@@ -72,7 +75,7 @@ pub struct FamilyError {
     /// Largest displacement error over patterns and corners, mm.
     pub max: f64,
     /// Upper bound of the error in mm, also for patterns that were not measured: for 99 % of them with 95 % confidence.
-    /// It includes the error of the reference.
+    /// It includes the errors of the reference and of geometry; infinite if the latter is unknown.
     pub bound: f64,
     /// Patterns that count as [`Comparison::Known`].
     pub known: u64,
@@ -83,7 +86,8 @@ pub struct FamilyError {
 }
 
 impl Benchmark {
-    /// Solves patterns by a reference. Progress counts patterns.
+    /// Solves patterns by a reference. `drawings` are those of the first family as drawn, where cells stand for shapes.
+    /// Progress counts patterns.
     ///
     /// # Errors
     /// When the reference cannot be set up.
@@ -91,6 +95,7 @@ impl Benchmark {
         scene: Scene,
         reference: Reference,
         families: Families,
+        drawings: &[Pattern],
         progress: &dyn Progress,
     ) -> Result<Self, AccuracyError> {
         let names = families.keys().cloned().collect();
@@ -99,6 +104,7 @@ impl Benchmark {
             .flat_map(|(k, patterns)| patterns.into_iter().map(move |pattern| (k, pattern)))
             .unzip();
         let (fields, errors) = reference.solve(&scene, &patterns, progress)?;
+        let geometry = reference.geometry_errors(&scene, &patterns, drawings)?;
         Ok(Self {
             scene,
             families: names,
@@ -107,6 +113,7 @@ impl Benchmark {
             reference,
             fields,
             errors,
+            geometry,
         })
     }
 
@@ -123,7 +130,17 @@ impl Benchmark {
         [members.len(), unstable]
     }
 
-    /// Returns the largest error that the reference may have on the patterns of a family, in mm.
+    /// Returns the largest error of geometry on the stable patterns of a family in mm; infinite if one is unknown, and
+    /// `None` if elements follow all shapes.
+    #[must_use]
+    pub fn geometry_error(&self, family: usize) -> Option<f64> {
+        let errors = self.geometry.as_ref()?;
+        let stable = self.members(family).into_iter().filter(|&i| self.fields[i].is_some());
+        let each = stable.map(|i| errors[i].mm().unwrap_or(f64::INFINITY));
+        Some(each.fold(0.0, f64::max))
+    }
+
+    /// Returns the largest error of the mesh that the reference may have on the patterns of a family, in mm.
     #[must_use]
     pub fn reference_error(&self, family: usize) -> f64 {
         let members = self.members(family);
@@ -177,6 +194,7 @@ impl Benchmark {
                 &errors,
                 evaluator.promised_error_mm(),
                 self.reference_error(family),
+                self.geometry_error(family),
             ));
             seconds.push(taken / own.len() as f64);
             progress.part((family + 1) as f64 / (self.families.len() + 1) as f64);
@@ -265,8 +283,14 @@ fn compare(found: Option<&Field>, reference: Option<&Field>) -> Comparison {
     }
 }
 
-/// The bound of a method that estimates its own error is that estimate, as long as no measured error exceeds it.
-fn of_family(errors: &[Comparison], promise_mm: Option<f64>, reference_error: f64) -> FamilyError {
+/// The bound of a method that estimates its own error is that estimate, as long as no measured error exceeds it. The
+/// error of geometry comes in addition.
+fn of_family(
+    errors: &[Comparison],
+    promise_mm: Option<f64>,
+    reference_error: f64,
+    geometry_error: Option<f64>,
+) -> FamilyError {
     let known: Vec<(f64, f64)> = errors.iter().filter_map(Comparison::known).collect();
     let largest: Vec<f64> = known.iter().map(|(_, max)| *max).collect();
     let max = largest.iter().copied().fold(0.0, f64::max);
@@ -280,7 +304,7 @@ fn of_family(errors: &[Comparison], promise_mm: Option<f64>, reference_error: f6
     FamilyError {
         rms: (squares / known.len().max(1) as f64).sqrt(),
         max,
-        bound,
+        bound: bound + geometry_error.unwrap_or_default(),
         known: known.len() as u64,
         missed: count(Comparison::Missed),
         false_alarms: count(Comparison::FalseAlarm),
@@ -309,15 +333,14 @@ mod tests {
             compare(None, Some(&some)),
             compare(None, None),
         ];
-        let family = of_family(&all, None, 0.125);
+        let family = of_family(&all, None, 0.125, None);
         assert_eq!((family.known, family.missed, family.false_alarms), (1, 1, 1));
         assert_eq!(family.max, 0.5);
         assert_eq!(family.bound, 0.625, "one error says nothing about others");
-        assert_eq!(of_family(&all, Some(0.75), 0.125).bound, 0.75, "a promise that is kept");
-        assert_eq!(
-            of_family(&all, Some(0.25), 0.125).bound,
-            0.625,
-            "a promise that is broken"
-        );
+        let bound = |promise, geometry| of_family(&all, Some(promise), 0.125, geometry).bound;
+        assert_eq!(bound(0.75, None), 0.75, "a promise that is kept");
+        assert_eq!(bound(0.25, None), 0.625, "a promise that is broken");
+        assert_eq!(bound(0.75, Some(0.5)), 1.25, "no mesh reduces an error of geometry");
+        assert_eq!(bound(0.25, Some(f64::INFINITY)), f64::INFINITY);
     }
 }

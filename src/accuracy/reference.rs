@@ -10,7 +10,10 @@ use super::candidate::Candidate;
 use super::error::AccuracyError;
 use deaflow_base::{Document, InputError, Node, Progress};
 use deaflow_fem::screening::resolve;
-use deaflow_fem::{AccurateSimulation, AccurateSolver, Method, SetupError, SolverParameters, history_check};
+use deaflow_fem::{
+    AccurateSimulation, AccurateSolver, GeometryError, GeometryErrors, Method, SetupError, SolverParameters,
+    history_check,
+};
 use deaflow_field::{Field, Mesh, Order};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
@@ -123,6 +126,22 @@ impl Reference {
             None => self.errors(scene, patterns, &fields)?,
         };
         Ok((fields, errors))
+    }
+
+    /// Returns the errors of geometry of patterns, which all methods have; `None` if elements follow all shapes.
+    /// `drawings` are the patterns as drawn, where cells stand for shapes.
+    ///
+    /// # Errors
+    /// When the solvers cannot be set up.
+    pub fn geometry_errors(
+        &self,
+        scene: &Scene,
+        patterns: &[Pattern],
+        drawings: &[Pattern],
+    ) -> Result<Option<Vec<GeometryError>>, SetupError> {
+        let has_drawings = !drawings.is_empty() && drawings != patterns;
+        let errors = GeometryErrors::new(scene, &self.0, has_drawings)?;
+        errors.map(|errors| errors.estimates(patterns, drawings)).transpose()
     }
 
     /// Returns the error that each field may still have in mm: its difference from the next coarser mesh, or 0 if one

@@ -15,7 +15,7 @@ use super::progress::Bar;
 use super::{CliError, Exit, Output, csv, job, model, write};
 use deaflow_accuracy::{AccuracyError, Benchmark, Candidate, Families, Measured, Network, Reference, drawn, given};
 use deaflow_base::{Document, Quantity, with_minus};
-use deaflow_pattern::DrawingOptions;
+use deaflow_pattern::{DrawingOptions, Pattern};
 use deaflow_report::figures::{Cost, FamilyCosts, accuracy_sheet};
 use deaflow_sample::Canvas;
 use deaflow_scene::Scene;
@@ -100,7 +100,7 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
             .check_scene(&scene, reference.settings().time())
             .map_err(bad_input)?;
     }
-    let families = families(arguments, &scene, output)?;
+    let (families, drawings) = families(arguments, &scene, output)?;
     // Checked before minutes of work.
     write::folder(&arguments.output)?;
     let [file, rows, figure] = FILES.map(|name| arguments.output.join(name));
@@ -110,7 +110,7 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     let start = Instant::now();
     let count: usize = families.values().map(Vec::len).sum();
     let bar = Bar::new("reference", "patterns", count as u64);
-    let benchmark = Benchmark::new(scene, reference, families, &bar).map_err(failed)?;
+    let benchmark = Benchmark::new(scene, reference, families, &drawings, &bar).map_err(failed)?;
     bar.clear();
     let bar = Bar::new("measure", "methods", methods.len() as u64);
     let measured = benchmark.measure(&methods, &bar).map_err(failed)?;
@@ -155,20 +155,29 @@ fn methods(
     Ok(methods)
 }
 
-/// Returns the patterns by family; given patterns are a family of their own.
-fn families(arguments: &AccuracyArguments, scene: &Scene, output: &Output) -> Result<Families, CliError> {
+/// Returns the patterns by family, and given ones as drawn; these are a family of their own.
+fn families(
+    arguments: &AccuracyArguments,
+    scene: &Scene,
+    output: &Output,
+) -> Result<(Families, Vec<Pattern>), CliError> {
     let own = [arguments.patterns.as_slice(), &arguments.own].concat();
     if own.is_empty() {
         let canvas = Canvas::of(&scene.membrane());
-        return drawn(&canvas, arguments.count, arguments.seed).map_err(|e| CliError::bad_input(e.to_string()));
+        let families = drawn(&canvas, arguments.count, arguments.seed);
+        return Ok((families.map_err(|e| CliError::bad_input(e.to_string()))?, Vec::new()));
     }
-    let direct::NamedPatterns { patterns, notes, .. } =
-        direct::patterns(&own, scene.form(), &DrawingOptions::default())?;
+    let direct::NamedPatterns {
+        patterns,
+        notes,
+        drawings,
+        ..
+    } = direct::patterns(&own, scene.form(), &DrawingOptions::default())?;
     notes.iter().for_each(|note| output.warn(note));
     if patterns.is_empty() {
         return Err(CliError::bad_input("the files contain no patterns"));
     }
-    Ok(given(patterns))
+    Ok((given(patterns), drawings))
 }
 
 fn write_files(
@@ -241,6 +250,9 @@ fn table(benchmark: &Benchmark, measured: &[Measured]) -> Result<String, CliErro
 
 /// Formats an error with two digits.
 fn millimetres(mm: f64) -> String {
+    if mm.is_infinite() {
+        return "unknown".to_owned();
+    }
     if mm >= 1e-3 || mm == 0.0 {
         let decimals = if mm == 0.0 {
             0

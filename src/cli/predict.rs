@@ -85,7 +85,9 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
     let scene = scene.map(|scene| arguments.state.of(scene)).transpose()?;
     let weights = model::weights(&arguments.model, &arguments.store_folder())?;
     let surrogate = surrogate(&weights, scene.as_ref())?;
-    let NamedPatterns { patterns, names, notes } = arguments.patterns.read(surrogate.form(), Edges::Cells)?;
+    let NamedPatterns {
+        patterns, names, notes, ..
+    } = arguments.patterns.read(surrogate.form(), Edges::Cells)?;
     notes.iter().for_each(|note| output.warn(note));
     let calibration = calibration::find(arguments, &weights)?;
     let table = file.map(|file| attached_files(file)[0].clone());

@@ -13,7 +13,7 @@ use super::table::{self, Cell};
 use super::text::Text;
 use super::tone::Tone;
 use deaflow_base::{error_digits, four_digits, measured, range_ends, rounded_by};
-use deaflow_fem::CriticalVoltage;
+use deaflow_fem::{CriticalVoltage, GeometryError};
 use deaflow_field::{Field, Mesh, OutcomeKind};
 use deaflow_report::mm_measured;
 use deaflow_scene::Breakdown;
@@ -76,9 +76,42 @@ pub struct AccuracyResult {
     /// The mesh.
     pub mesh: Mesh,
     /// The estimated largest error of the displacement on it, mm; none without a solution.
-    pub error_mm: Option<f64>,
-    /// Whether the error is larger than requested although the finest mesh was used.
-    pub is_missed: bool,
+    pub mesh_error_mm: Option<f64>,
+    /// The part of cells that stand for curves, if there are any.
+    pub geometry_error: Option<GeometryError>,
+    /// The requested accuracy, mm.
+    pub accuracy_mm: f64,
+}
+
+impl AccuracyResult {
+    /// The estimated largest error of mesh and geometry, mm, if both are known.
+    fn error_mm(&self) -> Option<f64> {
+        GeometryError::added_to(self.geometry_error, self.mesh_error_mm)
+    }
+
+    /// Whether the error is larger than requested, or not known, for a solution.
+    fn is_missed(&self) -> bool {
+        let is_above = |error: f64| error > self.accuracy_mm;
+        self.mesh_error_mm.is_some() && self.error_mm().is_none_or(is_above)
+    }
+
+    /// Says why the requested accuracy is not reached.
+    fn miss(&self) -> String {
+        const ON_FINEST: &str = "the requested accuracy is not reached: estimated error";
+        let with_curves = "use `curves: fitted` in the scene, and `--edges fitted` for drawings";
+        match (self.geometry_error, self.error_mm()) {
+            (Some(GeometryError::Estimated(geometry)), Some(error)) => format!(
+                "{ON_FINEST} {} mm, of which {} mm because elements follow cells instead of curves: {with_curves}",
+                error_digits(error),
+                error_digits(geometry)
+            ),
+            (None, Some(error)) => format!("{ON_FINEST} {} mm on the finest mesh", error_digits(error)),
+            _ => format!(
+                "the error is not known: elements follow cells, and there is no solution on the curves for which these \
+                 stand; {with_curves}"
+            ),
+        }
+    }
 }
 
 /// The critical voltage of a pattern on one mesh.
@@ -114,7 +147,12 @@ impl SampleResult {
 
     /// The estimated error in mm, for a requested accuracy.
     fn error_mm(&self) -> Option<f64> {
-        self.accuracy?.error_mm
+        self.accuracy?.error_mm()
+    }
+
+    /// The part of cells that stand for curves, mm.
+    fn geometry_mm(&self) -> Option<f64> {
+        self.accuracy?.geometry_error?.mm()
     }
 
     /// Rounds a displacement in mm by its estimated error, if that is known.
@@ -123,9 +161,9 @@ impl SampleResult {
             .map_or_else(|| four_digits(mm), |error| rounded_by(mm, error))
     }
 
-    /// Whether the requested accuracy was not reached.
-    fn missed_mm(&self) -> Option<f64> {
-        self.accuracy.filter(|accuracy| accuracy.is_missed)?.error_mm
+    /// The accuracy, if it was not reached.
+    fn missed(&self) -> Option<AccuracyResult> {
+        self.accuracy.filter(AccuracyResult::is_missed)
     }
 
     /// The outcome for people, with the doubt that a finer mesh leaves.
@@ -186,9 +224,10 @@ pub fn text(results: &[SampleResult], file: Option<&Path>, probe: Option<&Probe>
         1..=FEW => {
             let mut text = Text::of(list(results, probe));
             if results.iter().any(|result| result.error_mm().is_some()) {
-                text.line(
-                    "±: error of the mesh, estimated from two meshes; it does not include the error of the model",
-                );
+                text.line(format!(
+                    "±: error of the mesh, estimated from two meshes{}; it does not include the error of the model",
+                    with_geometry(results)
+                ));
             }
             text
         }
@@ -254,7 +293,8 @@ fn summary(results: &[SampleResult], file: Option<&Path>) -> Text {
     let errors = results.iter().filter_map(|result| Some((result.error_mm()?, result)));
     if let Some((mm, result)) = errors.max_by(|a, b| a.0.total_cmp(&b.0)) {
         text.line(format!(
-            "estimated error of the mesh: at most {} mm ({}); it does not include the error of the model",
+            "estimated error of the mesh{}: at most {} mm ({}); it does not include the error of the model",
+            with_geometry(results),
             error_digits(mm),
             result.id
         ));
@@ -264,6 +304,14 @@ fn summary(results: &[SampleResult], file: Option<&Path>) -> Text {
         None => "list all patterns: --json, or -o OUT.h5 and `deaflow show OUT.h5 --csv`".to_owned(),
     });
     text
+}
+
+/// What an error contains besides that of the mesh.
+fn with_geometry(results: &[SampleResult]) -> &'static str {
+    match results.iter().any(|result| result.geometry_mm().is_some()) {
+        true => " and of cells that stand for curves",
+        false => "",
+    }
 }
 
 /// Counts outcomes.
@@ -359,11 +407,7 @@ pub fn remarks(results: &[SampleResult], critical_note: Option<&str>) -> Text {
         })
     });
     add_lines(&mut text, Tone::Caution, results, |result| {
-        let error = result.missed_mm()?;
-        Some(format!(
-            "the requested accuracy is not reached: estimated error {} mm on the finest mesh",
-            error_digits(error)
-        ))
+        Some(result.missed()?.miss())
     });
     add_lines(&mut text, Tone::Plain, results, |result| {
         Some(format!(
@@ -406,7 +450,8 @@ pub fn document(results: &[SampleResult], patterns: usize, probe: Option<&Probe>
     };
     let all = each(&|result| {
         let mut own = json!({
-            "discretisation_error": result.error_mm(),
+            "discretisation_error": result.accuracy.and_then(|accuracy| accuracy.mesh_error_mm),
+            "geometry_error": result.geometry_mm(),
             "elements_per_cell": result.accuracy.map(|accuracy| accuracy.mesh.elements_per_cell()),
             "order": result.accuracy.map(|accuracy| accuracy.mesh.order().degree()),
             "outcome": result.outcome,
@@ -444,7 +489,13 @@ pub fn document(results: &[SampleResult], patterns: usize, probe: Option<&Probe>
         "samples": patterns,
         "unstable": unstable.len(),
         "unstable_samples": unstable,
-        "accuracy_missed": each(&|result| Some(json!({ "discretisation_error": result.missed_mm()? }))),
+        "accuracy_missed": each(&|result| {
+            let missed = result.missed()?;
+            Some(json!({
+                "discretisation_error": missed.mesh_error_mm,
+                "geometry_error": missed.geometry_error.and_then(GeometryError::mm),
+            }))
+        }),
         "near_limit": near_limit,
         "critical_voltages": critical,
         "wrinkled": each(&|result| Some(json!({ "wrinkled_fraction": result.wrinkled()? }))),
@@ -477,11 +528,12 @@ mod tests {
 
     #[test]
     fn a_requested_accuracy_is_reported() {
-        let accurate = |index, mm, error_mm| SampleResult {
+        let accurate = |index, mm, mesh_error_mm| SampleResult {
             accuracy: Some(AccuracyResult {
                 mesh: Mesh::biquadratic(2),
-                error_mm,
-                is_missed: false,
+                mesh_error_mm,
+                geometry_error: None,
+                accuracy_mm: 0.005,
             }),
             ..result(index, mm)
         };
@@ -502,6 +554,47 @@ mod tests {
             shown.contains("estimated error of the mesh: at most 0.0022 mm (pattern 22)"),
             "{shown}"
         );
+    }
+
+    #[test]
+    fn an_error_contains_that_of_cells_in_place_of_curves() {
+        let of_curves = |geometry_error| SampleResult {
+            accuracy: Some(AccuracyResult {
+                mesh: Mesh::biquadratic(1),
+                mesh_error_mm: Some(0.002),
+                geometry_error: Some(geometry_error),
+                accuracy_mm: 0.01,
+            }),
+            ..result(0, Some(1.05))
+        };
+        let told = |result: SampleResult| {
+            let all = [result];
+            let shown = text(&all, None, None).show(Screen::default());
+            (
+                shown + &remarks(&all, None).show(Screen::default()),
+                document(&all, 1, None),
+            )
+        };
+        let (shown, found) = told(of_curves(GeometryError::Estimated(0.025)));
+        for part in [
+            "1.050 ± 0.027 mm",
+            "estimated from two meshes and of cells that stand for curves",
+            "estimated error 0.027 mm, of which 0.025 mm because elements follow cells instead of curves",
+        ] {
+            assert!(shown.contains(part), "{shown}");
+        }
+        assert_eq!(found["patterns"][0]["discretisation_error"], 0.002);
+        assert_eq!(found["patterns"][0]["geometry_error"], 0.025);
+        assert_eq!(found["accuracy_missed"][0]["geometry_error"], 0.025);
+        let (shown, found) = told(of_curves(GeometryError::Estimated(0.005)));
+        assert!(shown.contains("± 0.007") && !shown.contains("not reached"), "{shown}");
+        assert_eq!(found["accuracy_missed"], json!([]));
+        let (shown, found) = told(of_curves(GeometryError::Unknown));
+        assert!(
+            shown.contains("the error is not known") && !shown.contains('±'),
+            "{shown}"
+        );
+        assert_eq!(found["accuracy_missed"][0]["geometry_error"], Value::Null);
     }
 
     #[test]

@@ -36,7 +36,10 @@ arrays! {
     pub struct ReferenceErrors, ReferenceErrorsView {
         /// 1 if the reference has a stable solution, else 0.
         stable: Vec<u64> = array("stable", "1", [pattern]),
-        /// Estimated error of the reference on each pattern; 0 if unknown.
+        /// Estimated difference of the displacement from that with the shapes of frame, bodies and electrodes, where
+        /// elements follow cells instead; NaN if unknown.
+        geometry_error: Option<Vec<f64>> = array("geometry_error", "mm", [pattern]),
+        /// Estimated error of the mesh of the reference on each pattern; 0 if unknown.
         pattern_error: Vec<f64> = array("pattern_error", "mm", [pattern]),
         /// The largest of them in each family.
         error: Vec<f64> = array("error", "mm", [families]),

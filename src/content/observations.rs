@@ -53,6 +53,9 @@ arrays! {
     pub struct Meshes, MeshesView {
         /// Estimated largest error of the displacement over the corners; NaN if unknown.
         discretisation_error: Vec<f64> = array("discretisation_error", "mm", [sample]),
+        /// Estimated largest difference of the displacement from that with the shapes of frame, bodies and electrodes,
+        /// where elements follow cells instead; NaN if unknown.
+        geometry_error: Option<Vec<f64>> = array("geometry_error", "mm", [sample]),
         /// Elements along one side of a cell.
         elements_per_cell: Vec<u64> = array("elements_per_cell", "1", [sample]),
         /// Polynomial order of the elements.

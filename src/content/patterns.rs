@@ -51,7 +51,7 @@ pub fn named_patterns(
     match other {
         None => Ok(FilePatterns {
             patterns,
-            notes: Vec::new(),
+            ..FilePatterns::default()
         }),
         Some(other) if other.raster() != raster => Err(refused(format!(
             "its patterns have {} cells, but the membrane has {raster}",

@@ -18,6 +18,7 @@ use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
 use super::error::SetupError;
+use super::geometry::GeometryError;
 use super::solver::{MembraneSolver, SolveOptions};
 use super::work::WorkLimit;
 
@@ -56,6 +57,17 @@ pub struct AccurateSimulation {
     /// Estimate of the largest displacement error at a cell corner in mm; present exactly if the outcome is converged.
     /// It exceeds the requested accuracy if even the finest mesh does not reach it.
     pub discretisation_error: Option<f64>,
+    /// Estimate of the difference from the shapes of the device, if it was asked for; `None` if elements follow them.
+    pub geometry_error: Option<GeometryError>,
+}
+
+impl AccurateSimulation {
+    /// Returns the estimate of the largest error of the displacement in mm, of the mesh and of the geometry; `None` if
+    /// one of them is unknown.
+    #[must_use]
+    pub fn error_mm(&self) -> Option<f64> {
+        GeometryError::added_to(self.geometry_error, self.discretisation_error)
+    }
 }
 
 /// Simulates patterns with a requested accuracy.
@@ -203,6 +215,7 @@ fn answer(level: usize, simulation: Simulation, discretisation_error: Option<f64
         simulation,
         mesh: MESHES[level].0,
         discretisation_error,
+        geometry_error: None,
     }
 }
 

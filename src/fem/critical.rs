@@ -60,6 +60,14 @@ impl CriticalVoltage {
         }
     }
 
+    /// Adds a further error in V; `None` if it is unknown.
+    pub(super) fn with_error(self, further: Option<f64>) -> Self {
+        Self {
+            error: self.error.zip(further).map(|(error, further)| error + further),
+            ..self
+        }
+    }
+
     /// Returns the voltages in V that bracket the true critical voltage. Without an error the lower one is that of the
     /// worst known pattern.
     #[must_use]

@@ -3,10 +3,10 @@
 //! All quantities are dimensionless: stress is divided by μλp², lengths by the side of an element. So two numbers
 //! describe a scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ; for unequal prestretch, λp is √(λ₁λ₂) as described in
 //! [`grid`]. The modules follow the method, from the point to the result: kinematics, energy and effects; sheet,
-//! fitted, grid, boundary, element, layout, sampling and lanes; coverage, laminate and laminates; operator; gemm, modes and
-//! precondition; krylov, work, newton, direct and dynamic_stiffness; eigenvalue, stability and continuation; solver,
-//! and on it accurate, adjoint, cells, response, margin, path, points, fully_active, critical, limit, observable,
-//! gradient_evaluator and safety_margins and reactions; evaluator, which
+//! fitted, grid, boundary, element, layout, sampling and lanes; coverage, laminate and laminates; operator; gemm, modes
+//! and precondition; krylov, work, newton, direct and dynamic_stiffness; eigenvalue, stability and continuation; solver,
+//! and on it geometry, accurate, adjoint, cells, response, margin, path, points, fully_active, critical, limit,
+//! observable, gradient_evaluator, safety_margins and reactions; evaluator, which
 //! implements the traits of `field`; simulators and screening.
 
 mod accurate;
@@ -32,6 +32,7 @@ mod evaluator;
 mod fitted;
 mod fully_active;
 mod gemm;
+mod geometry;
 mod gradient_evaluator;
 pub mod grid;
 mod kernels;
@@ -78,9 +79,11 @@ pub use cells::wrinkled_fraction;
 pub use critical::{CriticalVoltage, MeshLimit};
 pub use error::SetupError;
 pub use evaluator::{
-    CellStates, MeshRequest, Method, Solver, SolverParameters, UnknownMethod, check_leads, revision_of,
+    CellStates, GeometryErrors, MeshRequest, Method, SolvedOnce, Solver, SolverParameters, UnknownMethod, check_leads,
+    geometry_revision, revision_of,
 };
 pub use fully_active::{FIRST_UNSTABLE, MOST_UNSTABLE, fully_active_limit, no_pattern_limit};
+pub use geometry::GeometryError;
 pub use gradient_evaluator::GradientEvaluator;
 pub use laminates::check_covered_cells;
 pub use limit::CriticalSearch;

@@ -10,6 +10,7 @@ use super::continuation::{FIRST_STEP, LoadRange, LoadingEnd};
 use super::critical::{CriticalVoltage, MeshLimit};
 use super::effects::{Model, StableRange, WithMaterial};
 use super::error::SetupError;
+use super::geometry::GeometryError;
 use super::krylov;
 use super::material::Material;
 use super::newton::{Workspace, probe};
@@ -151,12 +152,13 @@ impl CriticalSearch {
     /// a guess.
     #[must_use]
     pub fn from(&self, pattern: &Pattern, mesh: Mesh, voltage: f64) -> CriticalVoltage {
-        if mesh == self.coarse.mesh() {
-            return self.refine(pattern, voltage);
-        }
-        let found = MeshLimit { mesh, voltage };
-        self.near(pattern, voltage)
-            .unwrap_or_else(|| CriticalVoltage::new(found, None))
+        let found = match mesh == self.coarse.mesh() {
+            true => self.refine(pattern, voltage),
+            false => self
+                .near(pattern, voltage)
+                .unwrap_or_else(|| CriticalVoltage::new(MeshLimit { mesh, voltage }, None)),
+        };
+        self.with_geometry(pattern, found)
     }
 
     /// Returns whether a pattern is stable at the voltage of the scene on any mesh: the voltage is below the
@@ -171,13 +173,39 @@ impl CriticalSearch {
     /// `Some(None)` if it was not found, `None` if the pattern [is stable](CriticalSearch::is_certainly_stable).
     #[must_use]
     pub fn uncertain_limit(&self, pattern: &Pattern) -> Option<Option<CriticalVoltage>> {
-        match self.check(pattern, CoarseLimit::First) {
-            StabilityCheck::Stable => None,
-            StabilityCheck::OnCoarse(voltage) => Some(Some(self.refine(pattern, voltage))),
-            StabilityCheck::OnFine(fine) => Some(Some(CriticalVoltage::new(fine, None))),
-            StabilityCheck::OnBoth(found) => Some(Some(found)),
-            StabilityCheck::Unknown => Some(None),
-        }
+        let found = match self.check(pattern, CoarseLimit::First) {
+            StabilityCheck::Stable => return None,
+            StabilityCheck::OnCoarse(voltage) => Some(self.refine(pattern, voltage)),
+            StabilityCheck::OnFine(fine) => Some(CriticalVoltage::new(fine, None)),
+            StabilityCheck::OnBoth(found) => Some(found),
+            StabilityCheck::Unknown => None,
+        };
+        Some(found.map(|found| self.with_geometry(pattern, found)))
+    }
+
+    /// Adds the error of geometry, if elements follow cells in place of shapes: the difference of critical voltages on
+    /// one mesh. Without one on the shapes, the error is unknown.
+    fn with_geometry(&self, pattern: &Pattern, found: CriticalVoltage) -> CriticalVoltage {
+        let own = &self.coarse.scene;
+        let Some([on_cells, on_shapes]) = GeometryError::scenes(own) else {
+            return found;
+        };
+        let MeshLimit { mesh, voltage } = found.coarse;
+        let limit = |scene: &Scene| {
+            let options = SolveOptions {
+                mesh,
+                tolerance: self.coarse.tolerance,
+            };
+            let solver = MembraneSolver::new(scene, options).ok()?;
+            let solver = solver.within_iterations(self.coarse.limit);
+            Some(solver.limit_between(pattern, search_range(voltage))?.voltage)
+        };
+        let on_cells = match on_cells.effects.fringe_field == own.effects.fringe_field {
+            true => Some(voltage),
+            false => limit(&on_cells),
+        };
+        let both = on_cells.zip(limit(&on_shapes));
+        found.with_error(both.map(|(on_cells, on_shapes)| GeometryError::between(on_cells, on_shapes)))
     }
 
     fn check(&self, pattern: &Pattern, order: CoarseLimit) -> StabilityCheck {

@@ -11,6 +11,7 @@ use super::drawing::{DrawingFormat, DrawingOptions, read_drawing};
 use super::electrodes::Electrodes;
 use super::file::{FilePatterns, PatternFileError};
 use super::membrane::Membrane;
+use super::polygons::Polygons;
 use super::raster::{Pattern, PatternForm};
 use super::region::Region;
 use deaflow_base::four_digits;
@@ -60,7 +61,21 @@ pub(super) fn read(
     let (pattern, of_areas) = pattern_of(&regions, form, options.edges)?;
     let mut read = FilePatterns::new(vec![pattern]);
     read.notes.extend(notes.into_iter().chain(of_areas));
+    if let (Edges::Cells, Some(membrane)) = (options.edges, form.membrane()) {
+        read.shapes = shapes_within_cells(&regions, &read.patterns[0], membrane).map(Arc::new);
+    }
     Ok(read)
+}
+
+/// Returns the exact shapes of groups, unless they are those of the cells of a pattern.
+fn shapes_within_cells(regions: &[GroupRegion], pattern: &Pattern, membrane: Membrane) -> Option<Electrodes> {
+    let shapes = electrodes(regions, membrane);
+    let [width, height] = membrane.cell_mm();
+    let is_of_cells = |(group, region): &(u8, Polygons)| {
+        let cells = Polygons::of_cells(&Bits::of(&pattern.of_group(*group)), membrane);
+        cells.is_within(ROUNDING * width * height, region)
+    };
+    (!shapes.groups().iter().all(is_of_cells)).then_some(shapes)
 }
 
 /// The error for a drawing where the cells must follow from the file.

@@ -3,7 +3,9 @@
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
+use std::sync::Arc;
 
+use super::electrodes::Electrodes;
 use super::raster::{Pattern, PatternForm, allowed_cells};
 use deaflow_array::ArrayError;
 use deaflow_base::TableError;
@@ -123,6 +125,8 @@ pub struct FilePatterns {
     pub patterns: Vec<Pattern>,
     /// What the reader did that a user should know, and what is unusual: each a phrase without the name of the file.
     pub notes: Vec<String>,
+    /// The shapes of the electrodes of its only pattern, if cells stand for them that differ.
+    pub shapes: Option<Arc<Electrodes>>,
 }
 
 impl FilePatterns {
@@ -139,7 +143,11 @@ impl FilePatterns {
                 (found, all) => notes.push(format!("{found} of {all} patterns: each {what}")),
             }
         }
-        Self { patterns, notes }
+        Self {
+            patterns,
+            notes,
+            shapes: None,
+        }
     }
 }
 

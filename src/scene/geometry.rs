@@ -71,6 +71,8 @@ parameters! {
 pub const MOST_BODIES: usize = 64;
 /// The largest number of shapes of a frame.
 const MOST_HELD: usize = 1000;
+/// Share of the membrane by which regions with the same border differ.
+const ROUNDING: f64 = 1e-7;
 /// The largest force in N and spring rate in N/m.
 const STRONGEST: f64 = 1e6;
 
@@ -362,6 +364,27 @@ impl Geometry {
         let of_frame = self.frame.iter().filter_map(|frame| frame.curves);
         let of_bodies = self.bodies.iter().flatten().filter_map(|body| body.curves);
         of_frame.chain(of_bodies).any(|curves| curves == Curves::Fitted)
+    }
+
+    /// Returns the geometry with elements along the shapes of its frame and bodies, if they follow cells that differ
+    /// from these shapes. Masks, and rectangles along the sides of cells, do not differ.
+    #[must_use]
+    pub fn with_fitted_curves(&self) -> Option<Self> {
+        let mut fitted = self.clone();
+        if let Some(frame) = &mut fitted.frame {
+            frame.curves = Some(Curves::Fitted);
+        }
+        for body in fitted.bodies.iter_mut().flatten() {
+            body.curves = Some(Curves::Fitted);
+        }
+        let [width, height] = self.membrane().size_mm;
+        let rounding = ROUNDING * width * height;
+        let regions = |borders: Borders| borders.opening.into_iter().chain(borders.bodies);
+        let (own, followed) = (self.borders_of_parts()?, fitted.borders_of_parts()?);
+        let mut pairs = regions(own).zip(regions(followed));
+        pairs
+            .any(|(own, followed)| !own.is_within(rounding, &followed))
+            .then_some(fitted)
     }
 
     /// Returns the borders that elements follow, with drawn electrodes if there are any; `None` if all are those of

@@ -123,6 +123,16 @@ impl Scene {
         }
     }
 
+    /// Returns the scene with elements along the shapes of its frame and bodies, if they follow cells that differ from
+    /// these shapes.
+    #[must_use]
+    pub fn with_fitted_curves(&self) -> Option<Self> {
+        Some(Self {
+            geometry: self.geometry.with_fitted_curves()?,
+            ..self.clone()
+        })
+    }
+
     /// Returns the scene at another voltage in V: the largest of all electrode groups, with the others in proportion.
     ///
     /// # Panics

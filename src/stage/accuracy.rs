@@ -8,10 +8,11 @@ mod content;
 use std::collections::BTreeSet;
 
 use super::results::most;
-use super::{model, needed, solve};
+use super::{model, needed, scene, solve};
 use deaflow_accuracy::{Benchmark, Candidate, Network, Reference};
 use deaflow_base::{Canonical, Fields, InputError, Node};
 use deaflow_content::{Accuracy, Solutions};
+use deaflow_fem::geometry_revision;
 use deaflow_field::Field;
 use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_store::{Artifact, Object};
@@ -82,23 +83,33 @@ impl Kind for AccuracyKind {
         })
     }
 
-    fn read(&self, stage: &Node, _scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
+    fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let map = stage.fields("an accuracy stage", &["kind", "needs", "methods"])?;
         let candidates = map.optional("methods").map(Candidate::read).transpose()?;
         Ok(Box::new(AccuracyStage {
             candidates: candidates.unwrap_or_else(Candidate::usual),
+            revision: scene
+                .map(scene::read)
+                .transpose()?
+                .as_ref()
+                .map_or(0, geometry_revision),
         }))
     }
 }
 
 struct AccuracyStage {
     candidates: Vec<Candidate>,
+    revision: u32,
 }
 
 impl Stage for AccuracyStage {
     fn parameters(&self) -> Canonical {
         let methods = self.candidates.iter().map(Candidate::canonical);
         Canonical::map([("methods", methods.collect::<Canonical>())])
+    }
+
+    fn revision(&self) -> u32 {
+        self.revision
     }
 
     fn repeats_inputs(&self) -> bool {
@@ -169,6 +180,9 @@ fn benchmark(solved: &Artifact) -> Result<Benchmark, StageError> {
             .errors(&scene, &patterns, &fields)
             .map_err(StageError::failed)?,
     };
+    let geometry = reference
+        .geometry_errors(&scene, &patterns, &[])
+        .map_err(StageError::failed)?;
     let families: BTreeSet<String> = names.iter().cloned().collect();
     let families: Vec<String> = families.into_iter().collect();
     let index = |name: &String| families.binary_search(name).unwrap_or_default();
@@ -180,5 +194,6 @@ fn benchmark(solved: &Artifact) -> Result<Benchmark, StageError> {
         reference,
         fields,
         errors,
+        geometry,
     })
 }

@@ -31,6 +31,8 @@ pub struct NamedPatterns {
     pub names: Vec<String>,
     /// What the readers did that a user should know, after the argument.
     pub notes: Vec<String>,
+    /// The patterns with the shapes that were drawn, where cells stand for them.
+    pub drawings: Vec<Pattern>,
 }
 
 /// Reads all patterns that the arguments name.
@@ -49,6 +51,11 @@ pub fn patterns(
             1 => all.names.push(argument.clone()),
             n => all.names.extend((0..n).map(|k| format!("{argument}[{k}]"))),
         }
+        let drawn = |pattern: &Pattern| match &found.shapes {
+            Some(shapes) => pattern.clone().with_electrodes(Some(shapes.clone())),
+            None => pattern.clone(),
+        };
+        all.drawings.extend(found.patterns.iter().map(drawn));
         all.patterns.extend(found.patterns);
         all.notes
             .extend(found.notes.iter().map(|note| format!("{argument}: {note}")));

@@ -1,7 +1,7 @@
 //! The artifact of a solve stage.
 
 use deaflow_content::{Meshes, Observations, Packed, SampleRows, Solutions, SolvedHistories, Unstable};
-use deaflow_fem::{AccurateHistory, AccurateSimulation, History, Solver};
+use deaflow_fem::{AccurateHistory, AccurateSimulation, GeometryError, History, Solver};
 use deaflow_field::{Field, Motion, OutcomeKind};
 use deaflow_scene::{Effects, Scene};
 
@@ -95,8 +95,11 @@ fn brackets(results: &[AccurateSimulation], rows: &[usize]) -> Vec<[f64; 2]> {
 /// Returns the mesh that was chosen for each sample, with its error.
 pub fn meshes<'a>(results: impl Iterator<Item = &'a AccurateSimulation> + Clone) -> Meshes {
     let errors = results.clone().map(|r| r.discretisation_error.unwrap_or(f64::NAN));
+    let geometry = results.clone().any(|r| r.geometry_error.is_some());
+    let of_geometry = |r: &AccurateSimulation| r.geometry_error.and_then(GeometryError::mm).unwrap_or(f64::NAN);
     Meshes {
         discretisation_error: errors.collect(),
+        geometry_error: geometry.then(|| results.clone().map(of_geometry).collect()),
         elements_per_cell: results.clone().map(|r| r.mesh.elements_per_cell() as u64).collect(),
         order: results.map(|r| r.mesh.order().degree() as u64).collect(),
     }

@@ -6,7 +6,7 @@ use super::{drive_check, needed, results, scene, solution};
 use deaflow_base::{Canonical, Fields, InputError, Node};
 use deaflow_content::{SAMPLED, Samples, Solutions};
 use deaflow_fem::screening::resolve;
-use deaflow_fem::{SetupError, Solver, SolverParameters, check_covered_cells};
+use deaflow_fem::{GeometryErrors, SetupError, Solver, SolverParameters, check_covered_cells};
 use deaflow_field::Mesh;
 use deaflow_orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_pattern::Edges;
@@ -114,6 +114,8 @@ struct Ready {
     /// The simulated effects.
     effects: Effects,
     solver: Solver,
+    /// Errors of geometry, if errors are stated and elements follow cells in place of shapes.
+    geometry: Option<GeometryErrors>,
 }
 
 impl SolveStage {
@@ -127,9 +129,14 @@ impl SolveStage {
         }
         let scene = resolve(&self.scene)?;
         let solver = self.solver.build(&scene)?;
+        let geometry = match solver.estimates_errors() {
+            true => GeometryErrors::new(&scene, &self.solver, false)?,
+            false => None,
+        };
         Ok(self.ready.get_or_init(|| Ready {
             effects: scene.effects,
             solver,
+            geometry,
         }))
     }
 }
@@ -176,7 +183,11 @@ impl Stage for SolveStage {
             true => StageError::input(error),
             false => StageError::failed(error),
         };
-        let Ready { effects, solver } = self.ready().map_err(failed)?;
+        let Ready {
+            effects,
+            solver,
+            geometry,
+        } = self.ready().map_err(failed)?;
         let mut simulations = Vec::with_capacity(rows.patterns.len());
         let mut histories = Vec::new();
         // The first batch is small, so that slow patterns give an early progress report; histories are always slow.
@@ -184,7 +195,10 @@ impl Stage for SolveStage {
         let (first, rest) = rows.patterns.split_at(few.min(rows.patterns.len()));
         let batch = if self.solver.follows_time() { few } else { BATCH };
         for batch in std::iter::once(first).chain(rest.chunks(batch)) {
-            let (found, in_time) = solver.simulate_in_time(batch).map_err(failed)?;
+            let (mut found, in_time) = solver.simulate_in_time(batch).map_err(failed)?;
+            if let Some(geometry) = geometry {
+                geometry.add_to(&mut found, batch, &[]).map_err(failed)?;
+            }
             simulations.extend(found);
             histories.extend(in_time.into_iter().flatten());
             job.progress.advance(batch.len() as u64);

@@ -14,7 +14,7 @@ use deaflow_base::{Canonical, Document, Fields, InputError, Map, Node};
 use deaflow_content::{Components, DesignRows, Designs, Packed, SimulatedStates, Verification, predicted_rows};
 use deaflow_design::{Goal, Objective, PlannedDesign, ResponseKind};
 use deaflow_fem::screening::resolved_states;
-use deaflow_fem::{History, SetupError, SolverParameters};
+use deaflow_fem::{GeometryError, History, SetupError, SolverParameters, geometry_revision};
 use deaflow_field::{Field, Mesh};
 use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_pattern::Role;
@@ -209,7 +209,12 @@ impl Stage for VerifyStage {
     }
 
     fn revision(&self) -> u32 {
-        self.solver.revision(&self.scene) + Scene::area_revision(self.scene.free_cells().as_ref())
+        // With an accuracy, the solver has the revision of geometry itself.
+        let of_errors = match self.solver.accuracy() {
+            Some(_) => 0,
+            None => geometry_revision(&self.scene),
+        };
+        self.solver.revision(&self.scene) + Scene::area_revision(self.scene.free_cells().as_ref()) + of_errors
     }
 
     // Its inputs contain whole searches; only the designs are simulated.
@@ -301,11 +306,23 @@ impl VerifyStage {
         let amplitude = match response {
             ResponseKind::Equilibrium | ResponseKind::After(_) => None,
             ResponseKind::Amplitude(frequency) => {
-                let solver = |parameters: &SolverParameters| amplitude_solver(&states[0], frequency, &goal, parameters);
+                let solver = |scene: &Scene, parameters: &SolverParameters| {
+                    amplitude_solver(scene, frequency, &goal, parameters)
+                };
                 let solvers = || {
+                    let state = &states[0];
+                    let other = self.solver.with_comparison_mesh();
                     Ok(AmplitudeSolvers {
-                        own: solver(&self.solver)?,
-                        other: self.solver.with_comparison_mesh().as_ref().map(solver).transpose()?,
+                        own: solver(state, &self.solver)?,
+                        other: other.map(|other| solver(state, &other)).transpose()?,
+                        geometry: GeometryError::scenes(state)
+                            .map(
+                                |scenes| match scenes.each_ref().map(|scene| solver(scene, &self.solver)) {
+                                    [_, Err(SetupError::Borders(_))] => Ok(None),
+                                    [on_cells, on_shapes] => Ok(Some([on_cells?, on_shapes?])),
+                                },
+                            )
+                            .transpose()?,
                     })
                 };
                 let failed = |e: SetupError| format!("its design needs the amplitude at {frequency}: {e}");

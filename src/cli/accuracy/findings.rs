@@ -169,11 +169,24 @@ impl<'a> Findings<'a> {
         } else {
             "99 % of the patterns of these families are below the bound (95 % confidence)"
         };
+        let geometry = match self.geometry_error() {
+            None => String::new(),
+            Some(f64::INFINITY) => {
+                "geometry: the error of cells that stand for curves is unknown, since elements cannot follow these, or \
+                 there is no stable solution on them\n"
+                    .to_owned()
+            }
+            Some(mm) => format!(
+                "geometry: cells that stand for curves add at most {} mm to the error of every method, which is in the \
+                 bound; `curves: fitted` follows the curves\n",
+                millimetres(mm)
+            ),
+        };
         format!(
-            "patterns: {}\nreference: {}, error at most {} mm\nmax and bound: displacement errors at the corners, in \
-             the worst family; {meaning}\ndisagree: number of patterns on whose stability method and reference \
-             disagree; such a method is not recommended\nfront: * if no other method is both faster and more \
-             accurate (RMS)\n",
+            "patterns: {}\nreference: {}, error at most {} mm\n{geometry}max and bound: displacement errors at the \
+             corners, in the worst family; {meaning}\ndisagree: number of patterns on whose stability method and \
+             reference disagree; such a method is not recommended\nfront: * if no other method is both faster and \
+             more accurate (RMS)\n",
             families.join(", "),
             self.benchmark.reference.settings(),
             millimetres(self.reference_error()),
@@ -183,6 +196,11 @@ impl<'a> Findings<'a> {
     fn reference_error(&self) -> f64 {
         let errors = (0..self.benchmark.families.len()).map(|k| self.benchmark.reference_error(k));
         errors.fold(0.0, f64::max)
+    }
+
+    fn geometry_error(&self) -> Option<f64> {
+        let errors = (0..self.benchmark.families.len()).filter_map(|k| self.benchmark.geometry_error(k));
+        errors.reduce(f64::max)
     }
 
     fn verdict(&self) -> Option<String> {
@@ -259,6 +277,7 @@ impl<'a> Findings<'a> {
             "reference": {
                 "settings": self.benchmark.reference.settings().to_string(),
                 "error_mm": self.reference_error(),
+                "geometry_error_mm": self.geometry_error(),
             },
             "methods": methods,
             "target": target,

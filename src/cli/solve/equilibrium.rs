@@ -17,8 +17,8 @@ use deaflow_content::{CoveredCells, DrawnElectrodes, Lines, Observations, Packed
 use deaflow_fem::effects::Examined;
 use deaflow_fem::screening::{ScreenedScene, TestPattern, examined, observing_breakdown, resolve, resolve_states};
 use deaflow_fem::{
-    AccurateSimulation, CriticalSearch, CriticalVoltage, MeshRequest, Method, SetupError, SolveOptions, Solver,
-    SolverParameters, wrinkled_fraction,
+    AccurateSimulation, CriticalSearch, CriticalVoltage, GeometryErrors, MeshRequest, Method, SetupError, SolveOptions,
+    Solver, SolverParameters, wrinkled_fraction,
 };
 use deaflow_field::{Field, Mesh, Order};
 use deaflow_pattern::Pattern;
@@ -117,6 +117,10 @@ impl StateRun {
         let solver = parameters.build(&observing_breakdown(&scene))?;
         let threads = rayon::current_num_threads();
         let mut solutions = Vec::with_capacity(patterns.len());
+        let errors = match parameters.accuracy() {
+            Some(_) => GeometryErrors::new(&scene, parameters, simulation.drawings != *patterns)?,
+            None => None,
+        };
         let mut seconds = Vec::with_capacity(patterns.len());
         let mut cells = Vec::new();
         // The first batch is small, so that the pace is known early.
@@ -128,7 +132,11 @@ impl StateRun {
                 solutions.extend(found);
                 cells.extend(of_cells);
             } else {
-                solutions.extend(solver.simulate(batch)?);
+                let mut found = solver.simulate(batch)?;
+                if let Some(errors) = &errors {
+                    errors.add_to(&mut found, batch, &simulation.drawings[solutions.len()..])?;
+                }
+                solutions.extend(found);
             }
             seconds.extend(seconds_each(start, batch.len()));
             simulation.job.bar.advance(batch.len() as u64);
@@ -186,6 +194,7 @@ fn results(
             simulation: solution,
             mesh,
             discretisation_error,
+            geometry_error,
         } = &run.solutions[index];
         // Critical voltages of different meshes would contradict each other without the mesh.
         let on = accuracy_mm.map_or_else(String::new, |_| format!(", on {mesh}"));
@@ -205,8 +214,9 @@ fn results(
             along_mm: field.and_then(|field| Some(probe?.of(field))),
             accuracy: accuracy_mm.map(|accuracy| AccuracyResult {
                 mesh: *mesh,
-                error_mm: *discretisation_error,
-                is_missed: discretisation_error.is_some_and(|error| error > accuracy),
+                mesh_error_mm: *discretisation_error,
+                geometry_error: *geometry_error,
+                accuracy_mm: accuracy,
             }),
             wrinkled_fraction: run
                 .cells

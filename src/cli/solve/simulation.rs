@@ -83,6 +83,8 @@ pub struct Simulation<'a> {
     pub patterns: Vec<Pattern>,
     /// The file of each pattern.
     pub names: Vec<String>,
+    /// The patterns as drawn, where cells stand for shapes.
+    pub drawings: Vec<Pattern>,
     /// What the readers of the files did that a user should know.
     pub notes: Vec<String>,
     /// Progress, time and files.
@@ -109,7 +111,12 @@ impl<'a> Simulation<'a> {
                     .help("choose a state: --state NAME"),
             );
         }
-        let NamedPatterns { patterns, names, notes } = arguments.patterns.read(scene.form(), arguments.edges)?;
+        let NamedPatterns {
+            patterns,
+            names,
+            notes,
+            drawings,
+        } = arguments.patterns.read(scene.form(), arguments.edges)?;
         let notes = of_scene.into_iter().chain(notes).collect();
         check_leads(scene.leads.as_ref(), &patterns)?;
         decisions::decide(&scene)?;
@@ -132,6 +139,7 @@ impl<'a> Simulation<'a> {
             patterns,
             names,
             notes,
+            drawings,
             job,
         })
     }

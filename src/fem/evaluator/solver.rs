@@ -276,6 +276,7 @@ pub(crate) fn last_state(found: &AccurateHistory) -> AccurateSimulation {
         },
         mesh: found.mesh,
         discretisation_error: found.space_error_mm,
+        geometry_error: None,
     }
 }
 
@@ -285,6 +286,7 @@ fn on(mesh: Mesh, simulations: Vec<Simulation>) -> Vec<AccurateSimulation> {
         simulation,
         mesh,
         discretisation_error: None,
+        geometry_error: None,
     };
     simulations.into_iter().map(each).collect()
 }

@@ -8,6 +8,7 @@ mod discrete;
 mod effects;
 mod fitted;
 mod fringe;
+mod geometry;
 mod groups;
 mod hard;
 mod interrupts;

@@ -23,6 +23,10 @@ pub fn content(benchmark: &Benchmark, measured: &[Measured]) -> Accuracy {
                 .collect(),
             pattern_error: benchmark.errors.clone(),
             error: families.map(|k| benchmark.reference_error(k)).collect(),
+            geometry_error: benchmark
+                .geometry
+                .as_ref()
+                .map(|errors| errors.iter().map(|error| error.mm().unwrap_or(f64::NAN)).collect()),
         },
         error: FamilyErrors {
             rms: of_families(measured, |f| f.rms),

@@ -2,8 +2,13 @@
 
 use std::slice;
 
+use rayon::prelude::*;
+
 use deaflow_design::Goal;
-use deaflow_fem::{AccurateHistory, AccurateSimulation, History, SetupError, Solver, SolverParameters, Swing};
+use deaflow_fem::{
+    AccurateHistory, AccurateSimulation, GeometryError, GeometryErrors, History, SetupError, SolvedOnce, Solver,
+    SolverParameters, Swing,
+};
 use deaflow_field::{Field, Outcome, StateFields};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
@@ -16,10 +21,24 @@ pub struct AmplitudeSolvers {
     pub own: Swing,
     /// On the second mesh.
     pub other: Option<Swing>,
+    /// The solvers that tell the error of geometry, if elements follow cells in place of shapes.
+    pub geometry: Option<SwingGeometry>,
 }
 
-/// The solvers in each state of the device, on the mesh of the stage and on a second mesh.
-pub struct Solvers(Vec<(Solver, Option<Solver>)>);
+/// On cells and on shapes, on the mesh of the stage; `None` if elements cannot follow the shapes.
+pub type SwingGeometry = Option<[Swing; 2]>;
+
+/// The solvers in each state of the device.
+pub struct Solvers(Vec<StateSolvers>);
+
+struct StateSolvers {
+    /// On the mesh of the stage.
+    own: Solver,
+    /// On the second mesh.
+    other: Option<Solver>,
+    /// Errors of geometry, if elements follow cells in place of shapes.
+    geometry: Option<GeometryErrors>,
+}
 
 /// The solutions of a pattern in each state of the device.
 pub struct SolvedStates(Vec<SolvedState>);
@@ -33,6 +52,15 @@ struct SolvedState {
     fields: Option<Vec<Field>>,
     /// The same on the second mesh.
     others: Option<Vec<Field>>,
+    geometry: GeometrySolved,
+}
+
+/// The solutions that tell the error of geometry.
+enum GeometrySolved {
+    /// Elements follow all shapes.
+    Exact,
+    /// The fields at all requested times on cells and on shapes; `None` if one of them is missing.
+    Compared(Option<[Vec<Field>; 2]>),
 }
 
 /// The simulation of a design.
@@ -55,11 +83,15 @@ impl Solvers {
     /// # Errors
     /// If a scene cannot be simulated.
     pub fn new(solver: &SolverParameters, states: &[Scene]) -> Result<Self, SetupError> {
-        let both = states.iter().map(|scene| {
+        let of_state = |scene: &Scene| {
             let other = solver.with_comparison_mesh().map(|other| other.build(scene));
-            Ok((solver.build(scene)?, other.transpose()?))
-        });
-        both.collect::<Result<_, _>>().map(Self)
+            Ok(StateSolvers {
+                own: solver.build(scene)?,
+                other: other.transpose()?,
+                geometry: GeometryErrors::new(scene, solver, false)?,
+            })
+        };
+        states.iter().map(of_state).collect::<Result<_, _>>().map(Self)
     }
 
     /// Simulates patterns.
@@ -68,19 +100,27 @@ impl Solvers {
     /// If a solver fails.
     pub fn solve(&self, patterns: &[Pattern]) -> Result<Vec<SolvedStates>, SetupError> {
         let mut solved: Vec<SolvedStates> = patterns.iter().map(|_| SolvedStates(Vec::new())).collect();
-        for (own, other) in &self.0 {
+        for StateSolvers { own, other, geometry } in &self.0 {
             let (results, histories) = own.simulate_in_time(patterns)?;
             let mut histories = histories.unwrap_or_default().into_iter().map(|found| found.history);
             let others = other.as_ref().map(|other| other.simulate_in_time(patterns));
             let others = others.transpose()?;
             let mut others = others.map(fields_in_time).unwrap_or_default().into_iter();
-            for (SolvedStates(states), result) in solved.iter_mut().zip(results) {
+            let compared = |pattern: &Pattern| match geometry {
+                None => Ok(GeometrySolved::Exact),
+                Some(geometry) => Ok(GeometrySolved::Compared(
+                    geometry.solve(pattern, pattern)?.and_then(both_in_time),
+                )),
+            };
+            let compared: Vec<_> = patterns.par_iter().map(compared).collect::<Result<_, SetupError>>()?;
+            for ((SolvedStates(states), result), geometry) in solved.iter_mut().zip(results).zip(compared) {
                 let history = histories.next();
                 states.push(SolvedState {
                     fields: fields_of(&result, history.as_ref()),
                     others: others.next().flatten(),
                     result,
                     history,
+                    geometry,
                 });
             }
         }
@@ -116,7 +156,9 @@ impl SolvedStates {
         let bound = bounds.map(|errors| errors.into_iter().fold(0.0, f64::max));
         Simulated {
             outcome: without.unwrap_or(states[0].result.simulation.outcome),
-            error: bound.or(difference),
+            error: self
+                .geometry_mm(goal, case.time_index)
+                .and_then(|geometry| Some(bound.or(difference)? + geometry)),
             values_mm,
             fields,
             history: match &states[..] {
@@ -127,15 +169,47 @@ impl SolvedStates {
     }
 }
 
+impl SolvedStates {
+    /// Returns the error of geometry of a goal at a time in mm, if it is known.
+    fn geometry_mm(&self, goal: &Goal, time_index: usize) -> Option<f64> {
+        let Self(states) = self;
+        if states
+            .iter()
+            .all(|state| matches!(state.geometry, GeometrySolved::Exact))
+        {
+            return Some(0.0);
+        }
+        let fields = |on: usize| -> Option<StateFields> {
+            let of_state = |state: &SolvedState| match &state.geometry {
+                GeometrySolved::Exact => state.fields.as_ref()?.get(time_index).cloned(),
+                GeometrySolved::Compared(both) => both.as_ref()?[on].get(time_index).cloned(),
+            };
+            states.iter().map(of_state).collect()
+        };
+        Some(GeometryError::between(
+            goal.value_mm(&fields(0)?),
+            goal.value_mm(&fields(1)?),
+        ))
+    }
+}
+
 impl AmplitudeSolvers {
     fn simulated(&self, goal: &Goal, pattern: &Pattern) -> Simulated {
         let (outcome, field) = self.own.farthest(pattern);
         let other = self.other.as_ref().and_then(|other| other.farthest(pattern).1);
         let value = |field: &Field| goal.value_mm(slice::from_ref(field));
         let both = field.as_ref().zip(other.as_ref());
+        let difference = both.map(|(field, other)| (value(field) - value(other)).abs());
+        let geometry = match &self.geometry {
+            None => Some(0.0),
+            Some(solvers) => solvers.as_ref().and_then(|solvers| {
+                let [on_cells, on_shapes] = solvers.each_ref().map(|swing| swing.farthest(pattern).1);
+                Some(GeometryError::between(value(&on_cells?), value(&on_shapes?)))
+            }),
+        };
         Simulated {
             outcome,
-            error: both.map(|(field, other)| (value(field) - value(other)).abs()),
+            error: difference.zip(geometry).map(|(mesh, geometry)| mesh + geometry),
             values_mm: field.iter().map(value).collect(),
             fields: field.map(|field| vec![field]),
             history: None,
@@ -147,6 +221,12 @@ impl AmplitudeSolvers {
 fn fields_of(result: &AccurateSimulation, history: Option<&History>) -> Option<Vec<Field>> {
     let last = result.simulation.stroke()?;
     Some(history.map_or_else(|| vec![last], |history| history.fields.clone()))
+}
+
+/// Returns the fields of two solutions at all requested times, if both have them.
+fn both_in_time([one, other]: [SolvedOnce; 2]) -> Option<[Vec<Field>; 2]> {
+    let fields = |(result, history): SolvedOnce| fields_of(&result, history.as_ref().map(|found| &found.history));
+    Some([fields(one)?, fields(other)?])
 }
 
 /// [`fields_of`] for several results.
