@@ -285,10 +285,10 @@ arrays! {
         predicted: Vec<f64> = array("predicted", "mm", [predicted_row]),
         /// Simulated mean displacement along the target directions; a row for each pattern with a field.
         simulated: Vec<f64> = array("simulated", "mm", [simulated_row]),
-        /// Difference from a mesh with half the elements per cell, or the estimated error if an accuracy was requested;
-        /// 0 if unknown. A row for each pattern with a field.
+        /// Difference from a mesh with half the elements per cell, or the estimated error if an accuracy was requested,
+        /// and the error of cells in place of curves; 0 if unknown. A row for each pattern with a field.
         error: Vec<f64> = array("error", "mm", [simulated_row]),
-        /// Whether the error is known, i.e. the other mesh has a field too. A row for each pattern with a field.
+        /// Whether the error is known, i.e. the other solutions have a field too. A row for each pattern with a field.
         error_known: Vec<u64> = array("error_known", "1", [simulated_row]),
         /// If times were requested, the simulated displacement along the target directions at each of them; a row for
         /// each pattern with a field.
