@@ -608,3 +608,84 @@ fn drawn_electrodes_are_kept_in_artifacts() {
         );
     }
 }
+
+#[test]
+fn stated_errors_contain_that_of_cells_in_place_of_curves() {
+    let workspace = Workspace::new();
+    workspace.write("mask.dxf", &circles(&[("M", [25.0, 25.0], 9.7)]));
+    // What solve, accuracy and verify state with the frame and the electrode on cells, or followed by elements.
+    let stated = |curves: &str| {
+        let scene = disc_scene(curves)
+            .replace("cells: 50", "cells: 20")
+            .replace("radius: 20 mm", "radius: 20.4 mm");
+        workspace.write("scene.yaml", &scene.replace("5 kV", "4 kV"));
+        let solve = [
+            "solve",
+            "scene.yaml",
+            "mask.dxf",
+            "--accuracy",
+            "0.05 mm",
+            "--edges",
+            curves,
+            "--no-checks",
+        ];
+        let solved = workspace.run(&[&solve[..], &["--json"]].concat());
+        assert_eq!(solved.code, Some(0), "{}", solved.stderr);
+        let told = workspace
+            .run(&solve)
+            .stdout
+            .contains("elements follow cells instead of curves");
+        workspace.write(
+            "cells.csv",
+            &(0..20)
+                .map(|_| "0,0,0,0,0,0,0,0,1,1,1,1,1,1,0,0,0,0,0,0\n")
+                .collect::<String>(),
+        );
+        let measured = workspace.run(&[
+            "accuracy",
+            "scene.yaml",
+            "--patterns",
+            "cells.csv",
+            "-o",
+            curves,
+            "--reference",
+            "{ elements_per_cell: 2, order: 2 }",
+            "--methods",
+            "[{ elements_per_cell: 1, order: 1 }]",
+            "--json",
+        ]);
+        assert_eq!(measured.code, Some(0), "{}", measured.stderr);
+        workspace.write(
+            "verify.yaml",
+            "version: 1\nname: verify\nscene: scene.yaml\nstages:\n  design: { kind: design, \
+             method: adjoint, objective: { point: [25 mm, 25 mm], direction: 0 deg }, area: 0.5, starts: 1, seed: 1 }\n  \
+             verified: { kind: verify, needs: [design], elements_per_cell: 2 }\n",
+        );
+        let run = workspace.run(&["run", "verify.yaml"]);
+        assert_eq!(run.code, Some(0), "{}", run.stderr);
+        let line = run
+            .stdout
+            .lines()
+            .find(|line| line.contains("simulated") && line.contains('±'));
+        let error = line.and_then(|line| line.split('±').nth(1)?.split_whitespace().next()?.parse::<f64>().ok());
+        let pattern = solved.json()["patterns"][0].clone();
+        let of_methods = measured.json()["reference"]["geometry_error_mm"].as_f64();
+        let bound = measured.json()["methods"][0]["bound_mm"].as_f64().unwrap();
+        (
+            pattern["geometry_error"].as_f64(),
+            told,
+            of_methods,
+            bound,
+            error.unwrap(),
+        )
+    };
+    let (solved, told, measured, bound, verified) = stated("cells");
+    assert!(solved.unwrap() > 0.03 && told, "{solved:?}");
+    assert!(
+        measured.unwrap() > 0.01 && bound > measured.unwrap(),
+        "{measured:?} {bound}"
+    );
+    let (of_curves, is_told, of_methods, _, of_mesh) = stated("fitted");
+    assert_eq!((of_curves, is_told, of_methods), (None, false, None));
+    assert!(verified > 3.0 * of_mesh, "{verified} {of_mesh}");
+}

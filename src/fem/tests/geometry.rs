@@ -153,3 +153,24 @@ fn an_error_of_geometry_is_found_with_effects_of_cells_and_unknown_without_a_sol
                centre: [37 mm, 25 mm], radius: 0.1 mm } }] }";
     assert_eq!(estimate(hub, 4000.0, "{}"), GeometryError::Unknown);
 }
+
+#[test]
+fn critical_voltages_on_cells_have_the_error_of_their_geometry() {
+    let parts = "cells: 24, frame: { opening: { disc: { centre: [25 mm, 25 mm], radius: 22 mm } } }";
+    let limit = |scene: &Scene, pattern: &Pattern| {
+        let search = CriticalSearch::new(scene, SolveOptions::on(Mesh::biquadratic(1))).unwrap();
+        search.from(pattern, Mesh::bilinear(1), 6700.0)
+    };
+    let on_cells = scene(parts, 6000.0, "{}");
+    let on_shapes = on_cells.with_fitted_curves().unwrap();
+    let [pattern, _] = drawn(&on_cells, &ellipse([25.0; 2], [10.0; 2], 0.0));
+    let (found, truth) = (limit(&on_cells, &pattern), limit(&on_shapes, &pattern));
+    let mesh = CriticalVoltage::new(found.coarse, found.fine);
+    let geometry = found.error.unwrap() - mesh.error.unwrap();
+    let difference = (found.coarse.voltage - truth.coarse.voltage).abs();
+    // A search ends within some volts of the limit.
+    assert!((geometry - 1.25 * difference).abs() < 15.0, "{geometry} {difference}");
+    assert!(difference > 15.0, "{difference}");
+    let [low, high] = found.interval();
+    assert!(low <= truth.voltage && truth.voltage <= high);
+}
