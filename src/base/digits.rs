@@ -50,6 +50,21 @@ pub fn four_digits(value: f64) -> String {
     without_negative_zero(&format!("{value:.decimals$}"))
 }
 
+/// Formats a measured or fitted number without a known error: four significant digits, also of small, large and
+/// infinite ones.
+#[must_use]
+pub fn four_significant(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return without_negative_zero(&value.to_string()).replace("inf", "∞");
+    }
+    let scientific = format!("{value:.3e}");
+    let power = scientific.split_once('e').and_then(|(_, power)| power.parse().ok());
+    match 3 - power.unwrap_or(0_i32) {
+        decimals @ -2..=9 => with_minus(&format!("{value:.*}", decimals.max(0) as usize)),
+        _ => with_minus(&scientific),
+    }
+}
+
 /// Replaces hyphens by minus signs, as in all numbers that people read.
 #[must_use]
 pub fn with_minus(number: &str) -> String {
@@ -129,6 +144,27 @@ mod tests {
         let expected = ["2.155", "1.000", "0.0123", "12.35", "6433", "−0.0427", "0.0000", "0"];
         assert_eq!(texts, expected);
         assert_eq!(with_minus("-1.2e-5"), "−1.2e−5");
+    }
+
+    #[test]
+    fn measured_numbers_have_four_digits_whatever_their_size() {
+        let texts = [
+            2.154_731, 0.999_96, 0.012_345, 6_433.2, -0.042_71, -0.000_02, 123_456.0, 1.5e9, 0.0, -0.0,
+        ];
+        let expected = [
+            "2.155",
+            "1.000",
+            "0.01235",
+            "6433",
+            "−0.04271",
+            "−0.00002000",
+            "123456",
+            "1.500e9",
+            "0",
+            "0",
+        ];
+        assert_eq!(texts.map(four_significant), expected);
+        assert_eq!([f64::INFINITY, -f64::INFINITY].map(four_significant), ["∞", "−∞"]);
     }
 
     #[test]

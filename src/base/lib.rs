@@ -38,7 +38,9 @@ pub use confined::{ConfinedError, confined};
 pub use cpu::CpuLevel;
 pub use csvw::{CsvTable, csv_metadata, csv_metadata_file, uri};
 pub use digest::{Digest, DigestWriter, ParseDigestError};
-pub use digits::{error_digits, four_digits, measured, range_ends, rounded_by, two_digits, with_minus};
+pub use digits::{
+    error_digits, four_digits, four_significant, measured, range_ends, rounded_by, two_digits, with_minus,
+};
 pub use document::{Document, InputError, Map, Node, NodeValue, Override, Source, nearest};
 pub use encoding::{EncodingError, decode, encode};
 pub use file::{open_own, open_regular, own_metadata, read_bounded, read_own};

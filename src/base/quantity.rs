@@ -8,6 +8,8 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
+use super::digits::four_significant;
+
 /// An exact decimal number `mantissa · 10^exponent`, normalised so that equal numbers are equal values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Decimal {
@@ -263,6 +265,31 @@ impl Dimension {
         self.units().first().map_or("", |unit| unit.0)
     }
 
+    /// Returns the dimension whose base unit has this symbol.
+    #[must_use]
+    pub fn of_base_unit(symbol: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|dimension| dimension.base_unit() == symbol)
+    }
+
+    /// Returns the unit in which people read measured and fitted numbers, and the number of it in a base unit.
+    #[must_use]
+    pub fn display_unit(self) -> (f64, &'static str) {
+        match self {
+            Self::Stress => (1e-3, "kPa"),
+            Self::Voltage => (1e-3, "kV"),
+            other => (1.0, other.base_unit()),
+        }
+    }
+
+    /// Writes a number that is in the base unit with four digits in the unit in which people read it.
+    #[must_use]
+    pub fn with_unit(self, value: f64) -> String {
+        let (factor, unit) = self.display_unit();
+        format!("{} {unit}", four_significant(factor * value))
+            .trim_end()
+            .to_owned()
+    }
+
     /// The symbols of the units, base unit first.
     #[must_use]
     pub fn symbols(self) -> Vec<&'static str> {
@@ -497,6 +524,21 @@ mod tests {
         assert!(is_bare("5.25", Dimension::Voltage) && is_bare(" 1e3 ", Dimension::Length));
         assert!(!is_bare("5.25 V", Dimension::Voltage) && !is_bare("1e3mm", Dimension::Length));
         assert!(!is_bare("0", Dimension::Angle) && !is_bare("3", Dimension::Number));
+    }
+
+    #[test]
+    fn measured_numbers_are_read_in_usual_units() {
+        let texts = [
+            Dimension::Stress.with_unit(45_172.2),
+            Dimension::Voltage.with_unit(-120.0),
+            Dimension::Time.with_unit(0.828_24),
+            Dimension::Number.with_unit(4.7),
+        ];
+        assert_eq!(texts, ["45.17 kPa", "−0.1200 kV", "0.8282 s", "4.700"]);
+        for dimension in Dimension::ALL {
+            assert_eq!(Dimension::of_base_unit(dimension.base_unit()), Some(dimension));
+        }
+        assert_eq!(Dimension::of_base_unit("kV"), None);
     }
 
     #[test]

@@ -11,10 +11,10 @@ use super::fit::MeshArguments;
 use super::text::Text;
 use super::{CliError, Exit, Output, csv, table, write};
 use deaflow_base::Dimension;
+use deaflow_content::MeasuredQuantity;
 use deaflow_stage::direct;
 use deaflow_stage::measured::{
-    Compared, Device, MeasuredFile, Quantities, VOLTAGE_OFFSET, Values, WithEffect, compare_all, read_sets,
-    with_neglected_effects,
+    Compared, Device, MeasuredFile, VOLTAGE_OFFSET, Values, WithEffect, compare_all, read_sets, with_neglected_effects,
 };
 
 /// Compare measurements with a simulation at the same points
@@ -167,6 +167,8 @@ fn rows(compared: &[Compared]) -> Result<String, CliError> {
         "simulated",
         "unit",
     ];
+    /// The quantities of the columns with units.
+    const PLACES: [&str; 5] = ["x", "y", "time", "voltage", "stretch"];
     let mut all = Vec::new();
     for one in compared {
         let mut add =
@@ -212,17 +214,16 @@ fn rows(compared: &[Compared]) -> Result<String, CliError> {
                 measured,
                 simulated,
             } => {
-                let (column, component, unit) = match quantities {
-                    Quantities::TimeStretch => (2, "stretch", "1"),
-                    Quantities::VoltageDisplacement => (3, "u", "mm"),
-                    Quantities::VoltageStretch => (3, "stretch", "1"),
-                    Quantities::StretchStress => (4, "P", "Pa"),
-                    Quantities::TimeStress => (2, "P", "Pa"),
+                let MeasuredQuantity { symbol, dimension, .. } = quantities.measured();
+                let unit = if dimension == Dimension::Number {
+                    "1"
+                } else {
+                    dimension.base_unit()
                 };
+                let column = PLACES.into_iter().position(|place| place == quantities.against().name);
                 for (at, (row, number)) in rows.iter().zip(at).enumerate() {
-                    let mut place = [None; 5];
-                    place[column] = Some(*number);
-                    add(*row, place, component, [measured[at], simulated[at]], unit);
+                    let place = std::array::from_fn(|own| (Some(own) == column).then_some(*number));
+                    add(*row, place, symbol, [measured[at], simulated[at]], unit);
                 }
             }
         }

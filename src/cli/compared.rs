@@ -6,13 +6,11 @@ use serde_json::{Value, json};
 
 use super::text::Text;
 use super::{CliError, Output, table, write};
-use deaflow_base::{four_digits, with_minus};
+use deaflow_base::{four_significant, with_minus};
 use deaflow_report::figures::measured_sheet;
 use deaflow_report::figures_of_files;
 use deaflow_scene::Scene;
-use deaflow_stage::measured::{
-    Agreement, Compared, MeasuredSet, Quantities, Values, compared_files, compared_rows, named_notes,
-};
+use deaflow_stage::measured::{Agreement, Compared, MeasuredSet, Values, compared_files, compared_rows, named_notes};
 
 /// Returns a table with a row for each file.
 pub fn summary(compared: &[Compared]) -> Text {
@@ -36,7 +34,7 @@ pub fn summary(compared: &[Compared]) -> Text {
             with_unit(*rms, &one.values),
             format!("{} (row {})", with_unit(largest.0, &one.values), largest.1),
             r_squared.map_or_else(|| "–".to_owned(), |r| with_minus(&format!("{r:.4}"))),
-            chi2_per_dof.map_or_else(|| "–".to_owned(), four_digits),
+            chi2_per_dof.map_or_else(|| "–".to_owned(), four_significant),
         ]);
     }
     let mut text = Text::of(table);
@@ -51,31 +49,17 @@ pub fn summary(compared: &[Compared]) -> Text {
             ));
         }
         if let Values::Field { result, .. } = &one.values {
-            let [x, y] = result.translation_mm.map(|at| with_minus(&four_digits(at)));
-            let degrees = with_minus(&four_digits(result.rotation.to_degrees()));
+            let [x, y] = result.translation_mm.map(|at| four_significant(at));
+            let degrees = four_significant(result.rotation.to_degrees());
             text.line(format!("{}: motion of the camera {x}, {y} mm and {degrees}°", one.name));
         }
     }
     text
 }
 
-/// The factor and the unit in which people read the numbers.
-fn unit_of(values: &Values) -> (f64, &'static str) {
-    match values {
-        Values::Field { .. } => (1.0, "mm"),
-        Values::Series { quantities, .. } => match quantities {
-            Quantities::VoltageDisplacement => (1.0, "mm"),
-            Quantities::VoltageStretch | Quantities::TimeStretch => (1.0, ""),
-            Quantities::StretchStress | Quantities::TimeStress => (1e-3, "kPa"),
-        },
-    }
-}
-
 /// Writes a number with its unit.
 pub fn with_unit(value: f64, values: &Values) -> String {
-    let (factor, unit) = unit_of(values);
-    let number = with_minus(&four_digits(factor * value));
-    format!("{number} {unit}").trim_end().to_owned()
+    values.quantities().measured().dimension.with_unit(value)
 }
 
 /// Warns of the notes of all files, and returns them.

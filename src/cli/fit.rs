@@ -10,8 +10,7 @@ use serde_json::{Value, json};
 use super::arguments::{integer, quantity};
 use super::text::Text;
 use super::{CliError, Exit, Output, table, write};
-use deaflow_base::Dimension;
-use deaflow_base::Node;
+use deaflow_base::{Dimension, Node, four_significant};
 use deaflow_fem::SolveOptions;
 use deaflow_fit::{
     Candidate, Curve, CurveResiduals, Estimate, HistoryCurve, LawKind, Outlier, Parameter, RelaxationFit, Sigma, Test,
@@ -22,8 +21,7 @@ use deaflow_scene::Scene;
 use deaflow_stage::direct;
 use deaflow_stage::measured::curve::{Measured, Noise, read};
 use deaflow_stage::measured::{
-    MOST_BRANCHES, MeasuredFile, Measurement, MeshChoice, SpecimenFit, digits, dimension_of, law_named, name_of_law,
-    path_of, unit_of,
+    MOST_BRANCHES, MeasuredFile, Measurement, MeshChoice, SpecimenFit, dimension_of, law_named, name_of_law, path_of,
 };
 
 /// Fit a scene to measurements of specimens and devices
@@ -281,22 +279,22 @@ fn fit(arguments: &FitArguments, lists: &[(MeasuredFile, Node)], scene: &Scene) 
 
 /// Writes a parameter with its interval of 95 %.
 fn with_interval(parameter: &Parameter) -> String {
-    let (factor, unit) = unit_of(dimension_of(&parameter.name));
-    let value = |value: f64| digits(factor * value);
+    let dimension = dimension_of(&parameter.name);
+    let value = |value: f64| four_significant(dimension.display_unit().0 * value);
     let interval = match parameter.profile.or(parameter.interval) {
         Some((low, high)) => format!(" ({} to {})", value(low), value(high)),
         None if parameter.at_bound => " (at its bound)".to_owned(),
         None => String::new(),
     };
-    format!("{} {}{unit}{interval}", parameter.name, value(parameter.value))
+    format!("{} {}{interval}", parameter.name, dimension.with_unit(parameter.value))
 }
 
 /// Writes the root mean square of residuals.
 fn root_mean_square(value: f64, sigma: &Sigma) -> String {
     match sigma {
-        Sigma::Stated(_) | Sigma::StatedFraction(_) => format!("{} σ", digits(value)),
-        Sigma::UnstatedRelative => format!("{} %", digits(100.0 * value)),
-        Sigma::UnstatedAbsolute => format!("{} kPa", digits(1e-3 * value)),
+        Sigma::Stated(_) | Sigma::StatedFraction(_) => format!("{} σ", four_significant(value)),
+        Sigma::UnstatedRelative => format!("{} %", four_significant(100.0 * value)),
+        Sigma::UnstatedAbsolute => Dimension::Stress.with_unit(value),
     }
 }
 
@@ -304,7 +302,7 @@ fn root_mean_square(value: f64, sigma: &Sigma) -> String {
 fn misfit(estimate: &Estimate, sigma: &Sigma) -> String {
     let (sum, dof) = (estimate.sum_of_squares, estimate.degrees_of_freedom as f64);
     match estimate.stated {
-        true => format!("χ²/dof {}", digits(sum / dof)),
+        true => format!("χ²/dof {}", four_significant(sum / dof)),
         false => root_mean_square((sum / estimate.points as f64).sqrt(), sigma),
     }
 }
@@ -316,7 +314,7 @@ fn columns(estimate: &Estimate, sigma: &Sigma, best: f64) -> [String; 3] {
     [
         parameters.join("\n"),
         misfit(estimate, sigma),
-        format!("+{}", digits(above)),
+        format!("+{}", four_significant(above)),
     ]
 }
 

@@ -29,6 +29,7 @@ mod load_paths;
 mod measured;
 mod observations;
 mod patterns;
+mod quantities;
 mod samples;
 mod solutions;
 mod solve_file;
@@ -67,6 +68,7 @@ pub use measured::{
 pub use observations::{Meshes, NO_STATE, Observations};
 pub use part::LongTexts;
 pub use patterns::named_patterns;
+pub use quantities::{MeasuredQuantity, Quantities};
 pub use samples::{CoveredCells, DrawnElectrodes, FROM_FILE, SAMPLED, SampleRows, Samples};
 pub use solutions::{SOLVED, Solutions, SolutionsView, SolvedHistories, Unstable};
 pub use solve_file::{CellFields, SolveFile};

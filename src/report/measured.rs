@@ -6,54 +6,15 @@ use super::artifacts::ArtifactReader;
 use super::drawing::{Chart, Sheet};
 use super::error::ReportError;
 use super::figures::{FittedCurve, MeasuredFigure, measured_charts, measured_sheet};
-use deaflow_base::{four_digits, with_minus};
-use deaflow_content::{ComparedFiles, ComparedFilesView, ComparedRows, ComparedRowsView, Measurements};
+use deaflow_base::{four_significant, with_minus};
+use deaflow_content::{
+    ComparedFiles, ComparedFilesView, ComparedRows, ComparedRowsView, MeasuredQuantity, Measurements, Quantities,
+};
 use deaflow_scene::Scene;
 
-/// What is compared in a file: the name in artifacts, the factor and the label of what numbers are measured against,
-/// and the factor, the unit and the label of the numbers.
-struct Axes {
-    name: &'static str,
-    across: (f64, &'static str),
-    up: (f64, &'static str, &'static str),
-}
-
-const AXES: [Axes; 6] = [
-    Axes {
-        name: "field",
-        across: (1.0, ""),
-        up: (1.0, "mm", "displacement, mm"),
-    },
-    Axes {
-        name: "displacement-voltage",
-        across: (1e-3, "voltage, kV"),
-        up: (1.0, "mm", "displacement, mm"),
-    },
-    Axes {
-        name: "stretch-voltage",
-        across: (1e-3, "voltage, kV"),
-        up: (1.0, "", "stretch"),
-    },
-    Axes {
-        name: "stretch-time",
-        across: (1.0, "time, s"),
-        up: (1.0, "", "stretch"),
-    },
-    Axes {
-        name: "stress-stretch",
-        across: (1.0, "stretch"),
-        up: (1e-3, "kPa", "nominal stress, kPa"),
-    },
-    Axes {
-        name: "stress-time",
-        across: (1.0, "time, s"),
-        up: (1e-3, "kPa", "nominal stress, kPa"),
-    },
-];
-
-/// Returns how quantities are drawn; those of fields for unknown ones.
-fn axes(quantities: &str) -> &'static Axes {
-    AXES.iter().find(|axes| axes.name == quantities).unwrap_or(&AXES[0])
+/// Returns what is compared by its name in artifacts; a field for unknown ones.
+fn quantities(name: &str) -> Quantities {
+    Quantities::from_name(name).unwrap_or(Quantities::Field)
 }
 
 /// How well a simulation agrees with a file.
@@ -103,9 +64,7 @@ impl FileAgreement {
     /// Writes a number of the file with its unit.
     #[must_use]
     pub fn with_unit(&self, value: f64) -> String {
-        let (factor, unit, _) = axes(&self.quantities).up;
-        let number = with_minus(&four_digits(factor * value));
-        format!("{number} {unit}").trim_end().to_owned()
+        quantities(&self.quantities).measured().dimension.with_unit(value)
     }
 
     /// Describes the agreement on one line.
@@ -113,7 +72,7 @@ impl FileAgreement {
     pub fn line(&self) -> String {
         let chi2 = self
             .chi2_per_dof
-            .map_or_else(String::new, |chi2| format!(", χ²/dof {}", four_digits(chi2)));
+            .map_or_else(String::new, |chi2| format!(", χ²/dof {}", four_significant(chi2)));
         let explained = |r: f64| format!(", R² {}", with_minus(&format!("{r:.4}")));
         let explained = self.r_squared.map_or_else(String::new, explained);
         let points = if self.points == 1 { "point" } else { "points" };
@@ -137,8 +96,8 @@ pub fn figures_of_files(files: &ComparedFiles, rows: &ComparedRows, scene: &Scen
         let own: Vec<usize> = (0..rows.file.len())
             .filter(|row| rows.file[*row] == file as u64)
             .collect();
-        let axes = axes(&files.quantities[file]);
-        if axes.name == AXES[0].name {
+        let quantities = quantities(&files.quantities[file]);
+        if quantities == Quantities::Field {
             let difference = |row: usize| rows.measured[row] - rows.simulated[row];
             let pairs = own.chunks_exact(2);
             return MeasuredFigure::Map {
@@ -151,17 +110,17 @@ pub fn figures_of_files(files: &ComparedFiles, rows: &ComparedRows, scene: &Scen
                     .collect(),
             };
         }
-        let ((across, label), (up, _, label_up)) = (axes.across, axes.up);
+        let (against, measured) = (quantities.against(), quantities.measured());
         let points = |numbers: &[f64]| {
             let mut points: Vec<(f64, f64)> = own
                 .iter()
-                .map(|&row| (across * rows.at[row], up * numbers[row]))
+                .map(|&row| (against.displayed(rows.at[row]), measured.displayed(numbers[row])))
                 .collect();
             points.sort_by(|a, b| a.0.total_cmp(&b.0));
             points
         };
         MeasuredFigure::Curve {
-            labels: [label, label_up],
+            labels: [against, measured].map(MeasuredQuantity::label),
             curve: FittedCurve {
                 name: name.clone(),
                 measured: points(&rows.measured),
@@ -180,8 +139,9 @@ pub fn figures_of_measurements(measured: &Measurements) -> Vec<MeasuredFigure> {
         let own: Vec<usize> = (0..rows.file.len())
             .filter(|row| rows.file[*row] == file as u64)
             .collect();
-        let test = files.test[file].as_str();
-        if test == "field" {
+        let has_times = own.iter().any(|&row| rows.time[row] != 0.0);
+        let quantities = Quantities::of_test(&files.test[file], has_times);
+        if quantities == Quantities::Field {
             let points_mm: Vec<[f64; 2]> = own.iter().map(|&row| rows.position[row]).collect();
             let side = |axis: usize| points_mm.iter().map(|at| at[axis]).fold(0.0, f64::max);
             return MeasuredFigure::Map {
@@ -195,32 +155,13 @@ pub fn figures_of_measurements(measured: &Measurements) -> Vec<MeasuredFigure> {
                 note: "measured displacement",
             };
         }
-        // Histories of specimens have times, curves have not.
-        let has_times = own.iter().any(|&row| rows.time[row] != 0.0);
-        let quantities = match test {
-            "voltage-displacement" => "displacement-voltage",
-            "voltage-stretch" => "stretch-voltage",
-            "creep" => "stretch-time",
-            _ if has_times => "stress-time",
-            _ => "stress-stretch",
-        };
-        let Axes {
-            across: (across, label),
-            up: (up, _, label_up),
-            ..
-        } = axes(quantities);
+        let (against, measured) = (quantities.against(), quantities.measured());
         let point = |&row: &usize| {
-            let (x, y) = match quantities {
-                "displacement-voltage" => (rows.voltage[row], rows.displacement[row][0]),
-                "stretch-voltage" => (rows.voltage[row], rows.stretch[row]),
-                "stretch-time" => (rows.time[row], rows.stretch[row]),
-                "stress-time" => (rows.time[row], rows.stress[row]),
-                _ => (rows.stretch[row], rows.stress[row]),
-            };
-            (across * x, up * y)
+            let (at, number) = rows.numbers(quantities, row);
+            (against.displayed(at), measured.displayed(number))
         };
         MeasuredFigure::Curve {
-            labels: [label, label_up],
+            labels: [against, measured].map(MeasuredQuantity::label),
             curve: FittedCurve {
                 name: name.clone(),
                 measured: own.iter().map(point).collect(),

@@ -15,9 +15,9 @@ mod mesh;
 mod orientation;
 mod table;
 
-pub use compare::{Agreement, Compared, Quantities, Values, WithEffect, compare, compare_all, with_neglected_effects};
+pub use compare::{Agreement, Compared, Values, WithEffect, compare, compare_all, with_neglected_effects};
 pub use content::{compared_files, compared_rows};
-pub use described::{digits, dimension_of, outlier, unit_of, with_interval};
+pub use described::{dimension_of, outlier, with_interval};
 pub use device::{Device, viscous_law};
 pub use file::{MeasuredFile, Measurement, path_of};
 pub use free::{FreeKey, VOLTAGE_OFFSET};

@@ -6,12 +6,11 @@ use super::{FitArguments, estimate_document};
 use crate::compared::{notes, summary, write_with_figure};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, table};
-use deaflow_base::{Node, listed};
+use deaflow_base::{Node, four_significant, listed};
 use deaflow_fit::{CurveResiduals, Parameter, Verdict};
 use deaflow_stage::direct;
 use deaflow_stage::measured::{
-    Compared, Device, FreeKey, MeasuredFile, MeasuredSet, SceneFit, compare_all, digits, fit_scene, read_sets,
-    with_interval,
+    Compared, Device, FreeKey, MeasuredFile, MeasuredSet, SceneFit, compare_all, fit_scene, read_sets, with_interval,
 };
 
 /// Fits a scene to the files of lists.
@@ -73,7 +72,7 @@ fn text(found: &SceneFit, device: &Device, compared: &[Compared]) -> Text {
         let shift = found.shift.map_or_else(String::new, |shift| {
             format!(
                 "; with elements of twice the size the parameters change by at most {} standard errors",
-                digits(shift)
+                four_significant(shift)
             )
         });
         text.line(format!("mesh: {mesh}{shift}"));

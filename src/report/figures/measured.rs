@@ -10,7 +10,7 @@ pub enum MeasuredFigure {
     /// A curve.
     Curve {
         /// The labels of both axes.
-        labels: [&'static str; 2],
+        labels: [String; 2],
         /// The points and the simulated curve.
         curve: FittedCurve,
     },
@@ -62,7 +62,7 @@ fn of_figure(figure: &MeasuredFigure) -> Result<Chart, FigureError> {
                 name: "measured".to_owned(),
                 ..curve.clone()
             };
-            chart(&curve.name, *labels, &[named])
+            chart(&curve.name, labels.each_ref().map(String::as_str), &[named])
         }
         MeasuredFigure::Map {
             name,

@@ -8,7 +8,7 @@ use crate::error::ReportError;
 use crate::html::Page;
 use crate::measured::{FileAgreement, charts, sheet};
 use crate::presenter::{Figures, Headline, Presenter, Results};
-use deaflow_base::{four_digits, listed, with_minus};
+use deaflow_base::{Dimension, four_significant, listed};
 use deaflow_content::{FitCandidates, FittedScene};
 
 /// Presents fit stages.
@@ -51,28 +51,24 @@ struct FittedParameter {
 const OFFSET: &str = "voltage_offset";
 
 impl FittedParameter {
-    /// Returns the factor and the unit in which people read it.
-    fn unit(&self) -> (f64, String) {
-        match self.unit.as_str() {
-            "Pa" => (1e-3, " kPa".to_owned()),
-            "V" => (1e-3, " kV".to_owned()),
-            "" => (1.0, String::new()),
-            unit => (1.0, format!(" {unit}")),
-        }
+    fn dimension(&self) -> Dimension {
+        Dimension::of_base_unit(&self.unit).unwrap_or(Dimension::Number)
     }
 
     fn number(&self) -> String {
-        let (factor, unit) = self.unit();
-        format!("{}{unit}", with_minus(&four_digits(factor * self.value)))
+        self.dimension().with_unit(self.value)
     }
 
     fn line(&self) -> String {
-        let (factor, unit) = self.unit();
-        let number = |value: f64| with_minus(&four_digits(factor * value));
+        let with_unit = |value: f64| self.dimension().with_unit(value);
         let interval = match self.interval {
-            [Some(low), Some(high)] => format!(" ({} to {}{unit})", number(low), number(high)),
-            [Some(low), None] => format!(" (above {}{unit})", number(low)),
-            [None, Some(high)] => format!(" (below {}{unit})", number(high)),
+            [Some(low), Some(high)] => format!(
+                " ({} to {})",
+                four_significant(self.dimension().display_unit().0 * low),
+                with_unit(high)
+            ),
+            [Some(low), None] => format!(" (above {})", with_unit(low)),
+            [None, Some(high)] => format!(" (below {})", with_unit(high)),
             [None, None] if self.at_bound => " (at its bound)".to_owned(),
             [None, None] => " (not determined)".to_owned(),
         };
@@ -149,7 +145,7 @@ impl Found {
         if let Some(chi2) = self.chi2_per_dof.filter(|chi2| *chi2 > LARGE_CHI2) {
             warnings.push(format!(
                 "χ²/dof is {}: the fit does not agree with the measurements within their noise",
-                four_digits(chi2)
+                four_significant(chi2)
             ));
         }
         warnings
@@ -162,7 +158,7 @@ impl Found {
         let files = self.files.iter().map(FileAgreement::line);
         let warnings = self.warnings().into_iter();
         let above = |(name, aicc): &(String, Option<f64>)| match aicc {
-            Some(aicc) => format!("{name} +{}", four_digits(*aicc)),
+            Some(aicc) => format!("{name} +{}", four_significant(*aicc)),
             None => format!("{name} –"),
         };
         let several = Some(&self.candidates).filter(|all| all.len() > 1);

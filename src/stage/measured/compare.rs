@@ -3,6 +3,7 @@
 use super::device::Device;
 use super::joint::{Data, FINEST, MeasuredSet};
 use deaflow_base::InputError;
+use deaflow_content::Quantities;
 use deaflow_fem::screening::resolve;
 use deaflow_field::Mesh;
 use deaflow_fit::{Curve, DataSet, ImageResult, Motion, SheetCurve, Sigma, simulate};
@@ -56,19 +57,15 @@ pub enum Values {
     },
 }
 
-/// The quantities of a series.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quantities {
-    /// A displacement in mm against the voltage in V.
-    VoltageDisplacement,
-    /// A stretch against the voltage in V.
-    VoltageStretch,
-    /// A stretch against the time in s.
-    TimeStretch,
-    /// A nominal stress in Pa against the stretch.
-    StretchStress,
-    /// A nominal stress in Pa against the time in s.
-    TimeStress,
+impl Values {
+    /// Returns what is compared.
+    #[must_use]
+    pub fn quantities(&self) -> Quantities {
+        match self {
+            Self::Field { .. } => Quantities::Field,
+            Self::Series { quantities, .. } => *quantities,
+        }
+    }
 }
 
 /// A file of measurements beside the simulation.

@@ -1,21 +1,7 @@
 //! Comparisons as artifacts store them.
 
-use super::compare::{Compared, Quantities, Values};
+use super::compare::{Compared, Values};
 use deaflow_content::{ComparedFiles, ComparedRows, LongTexts};
-
-/// Returns the name of what is compared.
-fn name_of(values: &Values) -> &'static str {
-    match values {
-        Values::Field { .. } => "field",
-        Values::Series { quantities, .. } => match quantities {
-            Quantities::VoltageDisplacement => "displacement-voltage",
-            Quantities::VoltageStretch => "stretch-voltage",
-            Quantities::TimeStretch => "stretch-time",
-            Quantities::StretchStress => "stress-stretch",
-            Quantities::TimeStress => "stress-time",
-        },
-    }
-}
 
 /// Returns how well each file agrees.
 #[must_use]
@@ -27,7 +13,7 @@ pub fn compared_files(compared: &[Compared]) -> ComparedFiles {
             Values::Field { result, .. } => (result.translation_mm, result.rotation),
             Values::Series { .. } => ([0.0; 2], 0.0),
         };
-        all.quantities.push(name_of(&one.values).to_owned());
+        all.quantities.push(one.values.quantities().name().to_owned());
         all.points.push(own.points as u64);
         all.without_equilibrium.push(one.without_equilibrium.len() as u64);
         all.bias.push(own.bias.unwrap_or(0.0));

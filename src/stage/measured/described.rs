@@ -1,21 +1,8 @@
 //! Fitted parameters and outliers in words.
 
 use super::free::FreeKey;
-use deaflow_base::{Dimension, with_minus};
+use deaflow_base::{Dimension, four_significant};
 use deaflow_fit::{Outlier, Parameter};
-
-/// Returns four significant digits, also of infinite numbers.
-#[must_use]
-pub fn digits(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return with_minus(&value.to_string()).replace("inf", "∞");
-    }
-    let decimals = 3 - value.abs().log10().floor() as i32;
-    match (-2..=9).contains(&decimals) {
-        true => with_minus(&format!("{value:.*}", decimals.max(0) as usize)),
-        false => with_minus(&format!("{value:.3e}")),
-    }
-}
 
 /// Describes an outlier.
 #[must_use]
@@ -24,7 +11,7 @@ pub fn outlier(outlier: &Outlier) -> String {
         "{}, row {}: {} standard deviations",
         outlier.curve,
         outlier.row,
-        digits(outlier.deviations)
+        four_significant(outlier.deviations)
     )
 }
 
@@ -41,22 +28,10 @@ pub fn dimension_of(parameter: &str) -> Dimension {
     }
 }
 
-/// Returns the factor and the unit in which people read a quantity.
-#[must_use]
-pub fn unit_of(dimension: Dimension) -> (f64, String) {
-    match dimension {
-        Dimension::Stress => (1e-3, " kPa".to_owned()),
-        Dimension::Voltage => (1e-3, " kV".to_owned()),
-        Dimension::Number => (1.0, String::new()),
-        other => (1.0, format!(" {}", other.base_unit())),
-    }
-}
-
 /// Returns the value of a parameter, and its interval of 95 % if the search `converged`.
 #[must_use]
 pub fn with_interval(parameter: &Parameter, key: &FreeKey, converged: bool) -> [String; 2] {
-    let (factor, unit) = unit_of(key.dimension);
-    let value = |value: f64| digits(factor * value);
+    let (factor, _) = key.dimension.display_unit();
     let known = |(low, high): &(f64, f64)| !low.is_nan() && !high.is_nan();
     let interval = match parameter
         .profile
@@ -64,9 +39,13 @@ pub fn with_interval(parameter: &Parameter, key: &FreeKey, converged: bool) -> [
         .filter(known)
         .filter(|_| converged)
     {
-        Some((low, high)) => format!("{} to {}{unit}", value(low), value(high)),
+        Some((low, high)) => format!(
+            "{} to {}",
+            four_significant(factor * low),
+            key.dimension.with_unit(high)
+        ),
         None if parameter.at_bound => "at its bound".to_owned(),
         None => "unknown".to_owned(),
     };
-    [format!("{}{unit}", value(parameter.value)), interval]
+    [key.dimension.with_unit(parameter.value), interval]
 }

@@ -5,14 +5,14 @@ use std::collections::BTreeMap;
 use rayon::prelude::*;
 
 use super::curve::Noise;
-use super::described::{digits, outlier, with_interval};
+use super::described::{outlier, with_interval};
 use super::device::{Device, Displacements, Load};
 use super::field::{Field, SheetTable};
 use super::file::{MeasuredFile, Measurement};
 use super::free::{FreeKey, VOLTAGE_OFFSET};
 use super::orientation;
 use super::table::{MeasuredTable, Rows, named_notes};
-use deaflow_base::{InputError, Node, listed};
+use deaflow_base::{InputError, Node, four_significant, listed};
 use deaflow_field::Mesh;
 use deaflow_fit::{
     Correlation, CreepCurve, Curve, DataSet, Elastomer, FieldData, FieldImage, FreeParameter, JointFit, JointOptions,
@@ -475,7 +475,7 @@ impl SceneFit {
             warnings.push(format!(
                 "the finest mesh still changes the parameters by {} standard errors: use order 2, or more elements per \
                  cell",
-                digits(shift)
+                four_significant(shift)
             ));
         }
         if fit.verdict != Verdict::Determined {

@@ -1,12 +1,13 @@
 //! Fits of laws of elastomers, or of their viscoelastic branches, to tests of specimens.
 
-use super::compare::{Compared, Quantities};
+use super::compare::Compared;
 use super::curve::Measured;
-use super::described::{digits, outlier};
+use super::described::outlier;
 use super::device::viscous_law;
 use super::joint::rounded;
 use crate::scene;
-use deaflow_base::{Document, InputError, Override};
+use deaflow_base::{Document, InputError, Override, four_significant};
+use deaflow_content::Quantities;
 use deaflow_fit::{
     Candidate, Curve, Elastomer, Estimate, Fit, FitError, HistoryCurve, Law, LawKind, Options, Outlier, RelaxationFit,
     Verdict, ViscousLaw, compare, fit_histories,
@@ -207,8 +208,8 @@ impl SpecimenFit {
             format!(
                 "the nominal stress of a {} test falls from a stretch of {} to {}: unstable under a dead load",
                 test.name(),
-                digits(*from),
-                digits(*to)
+                four_significant(*from),
+                four_significant(*to)
             )
         }));
         let listed = outliers.iter().take(OUTLIERS);
