@@ -16,8 +16,8 @@ use super::examples::HEADING;
 use super::tone::width_of_stdout;
 use super::{
     CliError, Exit, Output, accuracy, attach, audit, check, columns, compare, copy, dag, diff, doctor, explain, export,
-    fit, fsck, gc, init, log, pin, plan, predict, pull, push, remote, report, run, schema, screen, serve, show, sketch,
-    solve, status, sweep, unpin, worker,
+    fit, fsck, gc, init, log, measure, pin, plan, predict, pull, push, remote, report, run, schema, screen, serve,
+    show, sketch, solve, status, sweep, unpin, worker,
 };
 
 /// The name of the program.
@@ -140,6 +140,7 @@ commands! {
     Check => check::CheckArguments,
     Screen => screen::ScreenArguments,
     Accuracy => accuracy::AccuracyArguments,
+    Measure => measure::MeasureArguments,
     Fit => fit::FitArguments,
     Compare => compare::CompareArguments,
     Audit => audit::AuditArguments,

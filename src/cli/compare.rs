@@ -13,6 +13,7 @@ use super::{CliError, Exit, Output, csv, table, write};
 use deaflow_base::Dimension;
 use deaflow_content::MeasuredQuantity;
 use deaflow_stage::direct;
+use deaflow_stage::measured::curve::Noise;
 use deaflow_stage::measured::{
     Compared, Device, MeasuredFile, VOLTAGE_OFFSET, Values, WithEffect, compare_all, read_sets, with_neglected_effects,
 };
@@ -72,7 +73,7 @@ pub fn execute(arguments: &CompareArguments, output: &Output) -> Result<Exit, Cl
         .map(|offset| (VOLTAGE_OFFSET.to_owned(), *offset))
         .unzip();
     let device = Device::new(&scene, &keys, arguments.mesh.options())?;
-    let sets = read_sets(&files, &device, &scene)?;
+    let sets = read_sets(&files, &device, &scene, Noise::Relative)?;
     let notes = notes(&sets, output);
     let (compared, mesh) = compare_all(&device, &sets, &offset, !arguments.mesh.is_chosen())?;
     let device = device.on(mesh);

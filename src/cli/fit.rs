@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::arguments::{integer, quantity};
+use super::arguments::integer;
+use super::measured_files::MeasuredArguments;
 use super::text::Text;
 use super::{CliError, Exit, Output, table, write};
 use deaflow_base::{Dimension, Node, four_significant};
@@ -19,9 +20,8 @@ use deaflow_fit::{
 use deaflow_report::figures::{FittedCurve, fit_sheet};
 use deaflow_scene::Scene;
 use deaflow_stage::direct;
-use deaflow_stage::measured::curve::{Measured, Noise, read};
 use deaflow_stage::measured::{
-    MOST_BRANCHES, MeasuredFile, Measurement, MeshChoice, SpecimenFit, dimension_of, law_named, name_of_law, path_of,
+    MOST_BRANCHES, MeasuredFile, MeasuredTable, MeshChoice, SpecimenFit, dimension_of, law_named, name_of_law,
 };
 
 /// Fit a scene to measurements of specimens and devices
@@ -34,15 +34,11 @@ use deaflow_stage::measured::{
 pub struct FitArguments {
     /// The scene that is fitted: a YAML file of a scene, or of a pipeline that has one
     pub scene: PathBuf,
-    /// Measured curves, uniaxial=FILE, equibiaxial=FILE or pure-shear=FILE: tables with the columns stretch and
-    /// nominal_stress_kPa; with a column time_s, the stress along that history of stretch, after a sudden step if all
-    /// stretches are equal. Or a list of measured files in YAML, with what
-    /// is known about each
-    #[arg(value_name = "TEST=FILE|MEASURED.yaml", required = true, value_parser = measured_file)]
-    files: Vec<FileArgument>,
+    #[command(flatten)]
+    measured: MeasuredArguments,
     /// A number of the scene to fit, by the end of its path, with bounds as in shear_modulus="1 kPa..1 MPa";
     /// voltage_offset is added to all voltages. Several can be given
-    #[arg(long, value_name = "KEY")]
+    #[arg(long, value_name = "KEY", conflicts_with = "absolute")]
     free: Vec<String>,
     #[command(flatten)]
     mesh: MeshArguments,
@@ -50,13 +46,6 @@ pub struct FitArguments {
     /// compared [default: all, ogden with 1 to 3 terms]
     #[arg(long = "law", value_name = "LAW", value_parser = law, conflicts_with = "free")]
     laws: Vec<LawKind>,
-    /// Standard deviation of the stresses of files without a column sigma_kPa, as in "3 %" or "2 kPa" [default:
-    /// unknown]
-    #[arg(long, value_name = "SIGMA", value_parser = sigma, conflicts_with = "absolute")]
-    sigma: Option<StatedSigma>,
-    /// Take the unknown noise as equal at all points, and not in proportion to the stress
-    #[arg(long, conflicts_with = "free")]
-    absolute: bool,
     /// The largest number of viscoelastic branches, which relaxation compares
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = integer::<u64>(0..=MOST_BRANCHES))]
     branches: u64,
@@ -96,123 +85,23 @@ impl MeshArguments {
     }
 }
 
-/// A file of measurements, or a list of them.
-#[derive(Clone, Debug)]
-enum FileArgument {
-    /// A file with its test.
-    Curve { test: Test, name: String },
-    /// A list in YAML.
-    List(PathBuf),
-}
-
-impl FileArgument {
-    fn name(&self) -> String {
-        match self {
-            Self::Curve { name, .. } => name.clone(),
-            Self::List(path) => path.display().to_string(),
-        }
-    }
-}
-
-/// A stated standard deviation.
-#[derive(Clone, Copy, Debug)]
-struct StatedSigma(Noise);
-
-fn measured_file(text: &str) -> Result<FileArgument, String> {
-    let Some((word, name)) = text.split_once('=') else {
-        let is_list = |ending: &str| text.to_ascii_lowercase().ends_with(ending);
-        return match is_list(".yaml") || is_list(".yml") {
-            true => Ok(FileArgument::List(PathBuf::from(text))),
-            false => Err(format!(
-                "name the test, as in uniaxial={text}; allowed: {}; others in a list in YAML",
-                tests()
-            )),
-        };
-    };
-    match Measurement::from_name(word).and_then(Measurement::of_specimen) {
-        Some(test) => Ok(FileArgument::Curve {
-            test,
-            name: name.to_owned(),
-        }),
-        None => Err(format!(
-            "{word} is no test of a specimen; allowed: {}; others in a list in YAML",
-            tests()
-        )),
-    }
-}
-
-/// The words of tests of specimens.
-fn tests() -> String {
-    let of_specimens = Measurement::ALL.into_iter().filter(|one| one.of_specimen().is_some());
-    of_specimens.map(Measurement::name).collect::<Vec<_>>().join(", ")
-}
-
 fn law(text: &str) -> Result<LawKind, String> {
     law_named(text).map_err(|allowed| format!("allowed: {allowed}"))
 }
 
-fn sigma(text: &str) -> Result<StatedSigma, String> {
-    let noise = match text.trim().strip_suffix('%') {
-        Some(percent) => {
-            let percent = percent.trim().parse::<f64>();
-            Noise::Share(0.01 * percent.map_err(|_| format!("{text:?} is no percentage"))?)
-        }
-        None => Noise::Stress(quantity(text, Dimension::Stress)?.value()),
-    };
-    let (Noise::Share(value) | Noise::Stress(value)) = noise else {
-        return Err("allowed: a percentage or a stress".to_owned());
-    };
-    match value > 0.0 && value.is_finite() {
-        true => Ok(StatedSigma(noise)),
-        false => Err(format!("{text:?} is not positive")),
-    }
-}
-
-impl FitArguments {
-    /// Reads the lists of measured files.
-    fn lists(&self) -> Result<Vec<(MeasuredFile, Node)>, CliError> {
-        let mut all = Vec::new();
-        for file in &self.files {
-            if let FileArgument::List(path) = file {
-                all.extend(MeasuredFile::load(path)?);
-            }
-        }
-        Ok(all)
-    }
-
-    /// Adds the curves that are not in a list to those that are.
-    fn with_curves(&self, lists: Vec<(MeasuredFile, Node)>) -> Result<Vec<(MeasuredFile, Node)>, CliError> {
-        let mut all = lists;
-        let sigma = self.sigma.map(|StatedSigma(noise)| match noise {
-            Noise::Share(share) => format!("{} %", 100.0 * share),
-            Noise::Stress(pa) => format!("{pa} Pa"),
-            Noise::Relative | Noise::Absolute => String::new(),
-        });
-        for file in &self.files {
-            if let FileArgument::Curve { test, name } = file {
-                all.push(MeasuredFile::curve(name, *test, sigma.as_deref())?);
-            }
-        }
-        Ok(all)
-    }
-}
-
 pub fn execute(arguments: &FitArguments, output: &Output) -> Result<Exit, CliError> {
-    let lists = arguments.lists()?;
-    let of_lists = lists.iter().flat_map(|(file, node)| file.paths(node));
-    let of_lists = of_lists.map(|path| path.display().to_string());
-    let names: Vec<String> = arguments.files.iter().map(FileArgument::name).chain(of_lists).collect();
+    let files = arguments.measured.entries()?;
     if let Some(file) = &arguments.output {
-        let inputs = [names, direct::files_read(&arguments.scene)].concat();
+        let inputs = [arguments.measured.names(&files), direct::files_read(&arguments.scene)].concat();
         write::check_output(file, &inputs)?;
         write::check_not_read(&file.with_extension("png"), &inputs)?;
     }
-    let has_device = lists.iter().any(|(file, _)| file.test.of_specimen().is_none());
+    let has_device = files.iter().any(|(file, _)| file.test.of_specimen().is_none());
     if has_device || !arguments.free.is_empty() {
-        return scene::execute(arguments, &arguments.with_curves(lists)?, output);
+        return scene::execute(arguments, &files, output);
     }
     let scene = direct::read_scene(&arguments.scene)?;
-    let fitted = fit(arguments, &lists, &scene)?;
+    let fitted = fit(arguments, &files, &scene)?;
     let (Some(sets), mut warnings) = (fitted.changes(&scene), fitted.warnings()) else {
         return Err(CliError::bad_input("no law fits the curves").help(fitted.verdicts().join("; ")));
     };
@@ -255,24 +144,9 @@ pub fn execute(arguments: &FitArguments, output: &Output) -> Result<Exit, CliErr
 }
 
 /// Reads the files and fits them.
-fn fit(arguments: &FitArguments, lists: &[(MeasuredFile, Node)], scene: &Scene) -> Result<SpecimenFit, CliError> {
-    let noise = match (arguments.sigma, arguments.absolute) {
-        (Some(StatedSigma(noise)), _) => noise,
-        (None, true) => Noise::Absolute,
-        (None, false) => Noise::Relative,
-    };
-    let given = arguments.files.iter().filter_map(|file| match file {
-        FileArgument::Curve { test, name } => Some((name.clone(), *test, noise)),
-        FileArgument::List(_) => None,
-    });
-    let mut all: Vec<(String, Test, Noise)> = given.collect();
-    for (file, node) in lists {
-        let test = file.test.of_specimen().unwrap_or(Test::Uniaxial);
-        let own = file.noise_of_stress()?.unwrap_or(noise);
-        all.push((path_of(node, file.file()).display().to_string(), test, own));
-    }
-    let measured = all.into_iter().map(|(name, test, noise)| read(&name, test, noise));
-    let measured: Vec<Measured> = measured.collect::<Result<_, _>>()?;
+fn fit(arguments: &FitArguments, files: &[(MeasuredFile, Node)], scene: &Scene) -> Result<SpecimenFit, CliError> {
+    let tables = MeasuredTable::read_all(files, Some(scene.form()), arguments.measured.noise())?;
+    let measured = tables.iter().filter_map(MeasuredTable::of_specimen).collect();
     let branches = arguments.branches as usize;
     Ok(SpecimenFit::new(measured, scene, &arguments.laws, branches)?)
 }

@@ -32,6 +32,8 @@ mod job;
 mod local_build;
 mod locate;
 mod log;
+mod measure;
+mod measured_files;
 mod model;
 mod neglected;
 mod output;

@@ -42,7 +42,7 @@ pub use history::{Origin, PipelineHistory, StageRecord};
 pub use html::{Column, Page};
 pub use kinds::PRESENTERS;
 pub use kinds::audit::audit_figure;
-pub use measured::figures_of_files;
+pub use measured::{figures_of_files, figures_of_measurements};
 pub use page::{Layout, STAGE_HEIGHT, layout};
 pub use presenter::{DrawFigure, Figures, Headline, Presenter, Results};
 pub use research_object::{CrateFile, CrateStage, METADATA, ResearchObject};

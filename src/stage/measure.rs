@@ -66,7 +66,7 @@ impl Kind for MeasureKind {
         };
         let nodes = list.list("files")?.iter().cloned();
         let files: Vec<(MeasuredFile, Node)> = parameters.files.into_iter().zip(nodes).collect();
-        let tables = MeasuredTable::read_all(&files, form.unwrap_or(PatternForm::PAPER), usual)?;
+        let tables = MeasuredTable::read_all(&files, Some(form.unwrap_or(PatternForm::PAPER)), usual)?;
         Ok(Box::new(MeasureStage::new(&tables)?))
     }
 }

@@ -13,6 +13,8 @@ mod joint;
 mod laws;
 mod mesh;
 mod orientation;
+mod ranges;
+mod stored;
 mod table;
 
 pub use compare::{Agreement, Compared, Values, WithEffect, compare, compare_all, with_neglected_effects};
@@ -24,7 +26,8 @@ pub use free::{FreeKey, VOLTAGE_OFFSET};
 pub use joint::{Data, MeasuredSet, SceneFit, fit_scene, read_sets};
 pub use laws::{LAWS, MOST_BRANCHES, SpecimenFit, law_named, name_of_law};
 pub use mesh::MeshChoice;
-pub use table::{MeasuredTable, named_notes};
+pub use ranges::{Deviations, Range};
+pub use table::{MeasuredTable, Rows, SigmaSource, named_notes};
 
 #[cfg(test)]
 mod tests;

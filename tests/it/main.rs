@@ -40,6 +40,7 @@ mod limits;
 mod log;
 mod manners;
 mod materials;
+mod measure;
 mod measured;
 mod model;
 mod moved;

@@ -21,7 +21,7 @@ pub fn execute(arguments: &FitArguments, files: &[(MeasuredFile, Node)], output:
     }
     let scene = direct::read_scene(&arguments.scene)?;
     let device = Device::new(&scene, &arguments.free, arguments.mesh.options())?;
-    let sets = read_sets(files, &device, &scene)?;
+    let sets = read_sets(files, &device, &scene, arguments.measured.noise())?;
     notes(&sets, output);
     let found = fit_scene(&device, &sets, !arguments.mesh.is_chosen())?;
     let values = found.values();

@@ -57,11 +57,11 @@ impl Deformation {
     }
 }
 
-/// Reads a file.
+/// Reads a file; returns too whether it has a column of standard deviations.
 ///
 /// # Errors
 /// When it cannot be read, lacks a column or a unit, or its times fall.
-pub fn read(name: &str, test: Test, noise: Noise) -> Result<Measured, InputError> {
+pub fn read(name: &str, test: Test, noise: Noise) -> Result<(Measured, bool), InputError> {
     let refused = |why: &str| InputError::new(format!("{name}: {why}")).help(COLUMNS);
     let wrong = |error: TableError| refused(&error.to_string());
     let mut table = Table::open(Path::new(name), MOST_BYTES).map_err(wrong)?;
@@ -93,13 +93,14 @@ pub fn read(name: &str, test: Test, noise: Noise) -> Result<Measured, InputError
     };
     let name = name.to_owned();
     if columns.time.is_none() {
-        return Ok(Measured::Curve(Curve {
+        let curve = Curve {
             name,
             test,
             stretch,
             stress_pa,
             sigma,
-        }));
+        };
+        return Ok((Measured::Curve(curve), columns.sigma.is_some()));
     }
     if stretch.is_empty() {
         return Err(refused("the file has no rows"));
@@ -110,13 +111,8 @@ pub fn read(name: &str, test: Test, noise: Noise) -> Result<Measured, InputError
             row + 1
         )));
     }
-    Ok(Measured::History(history(
-        &name,
-        test,
-        (time_s, stretch),
-        stress_pa,
-        sigma,
-    )))
+    let history = history(&name, test, (time_s, stretch), stress_pa, sigma);
+    Ok((Measured::History(history), columns.sigma.is_some()))
 }
 
 /// Returns stresses along the stretches of a specimen that is at rest until time 0: a sudden step if all stretches are

@@ -40,11 +40,11 @@ fn number(row: &Row<'_>, column: Column) -> Result<f64, TableError> {
     }
 }
 
-/// Reads a field.
+/// Reads a field; returns too whether it has a column of standard deviations.
 ///
 /// # Errors
 /// When it cannot be read, or a column or a unit is missing.
-pub fn read_field(path: &Path, file: &MeasuredFile) -> Result<Field, InputError> {
+pub fn read_field(path: &Path, file: &MeasuredFile) -> Result<(Field, bool), InputError> {
     const COLUMNS: &str = "a field needs the columns `x_mm`, `y_mm`, `ux_mm` and `uy_mm`, and may have `sigma_mm`; \
                            units are mm, um, cm, m, or px with `scale`";
     let refused = |why: &str| InputError::new(format!("{}: {why}", path.display())).help(COLUMNS);
@@ -105,15 +105,15 @@ pub fn read_field(path: &Path, file: &MeasuredFile) -> Result<Field, InputError>
     }
     match field.points_mm.is_empty() {
         true => Err(refused("the file has no rows")),
-        false => Ok(field),
+        false => Ok((field, sigma.is_some())),
     }
 }
 
-/// Reads a series.
+/// Reads a series; returns too whether it has a column of standard deviations.
 ///
 /// # Errors
 /// When it cannot be read, a column or a unit is missing, or a value is not a number.
-pub fn read_series(path: &Path, file: &MeasuredFile) -> Result<Series, InputError> {
+pub fn read_series(path: &Path, file: &MeasuredFile) -> Result<(Series, bool), InputError> {
     const COLUMNS: &str = "the file needs the columns `voltage_kV` and `displacement_mm`, and may have `sigma_mm`";
     let refused = |why: &str| InputError::new(format!("{}: {why}", path.display())).help(COLUMNS);
     let wrong = |error: TableError| refused(&error.to_string());
@@ -141,7 +141,7 @@ pub fn read_series(path: &Path, file: &MeasuredFile) -> Result<Series, InputErro
     if voltages_v.is_empty() {
         return Err(refused("the file has no rows"));
     }
-    let sigma = match (sigma, &file.sigma) {
+    let noise = match (sigma, &file.sigma) {
         (Some(_), _) => Sigma::Stated(sigmas),
         (None, None) => Sigma::UnstatedAbsolute,
         (None, Some(noise)) => match (noise.share(), length(noise)) {
@@ -150,11 +150,12 @@ pub fn read_series(path: &Path, file: &MeasuredFile) -> Result<Series, InputErro
             (None, None) => return Err(refused("the standard deviation is a share or a length")),
         },
     };
-    Ok(Series {
+    let series = Series {
         voltages_v,
         displacements_mm,
-        sigma,
-    })
+        sigma: noise,
+    };
+    Ok((series, sigma.is_some()))
 }
 
 /// A measured stretch of a sheet against the voltage in V, or the time in s.
@@ -168,11 +169,11 @@ pub struct SheetTable {
     pub sigma: Sigma,
 }
 
-/// Reads the stretches of a sheet.
+/// Reads the stretches of a sheet; returns too whether there is a column of standard deviations.
 ///
 /// # Errors
 /// When it cannot be read, a column or a unit is missing, or a value is not a number.
-pub fn read_sheet(path: &Path, file: &MeasuredFile) -> Result<SheetTable, InputError> {
+pub fn read_sheet(path: &Path, file: &MeasuredFile) -> Result<(SheetTable, bool), InputError> {
     const COLUMNS: &str = "the file needs the columns `voltage_kV`, or for creep `time_s`, and `stretch`, and may have \
                            `sigma`";
     let refused = |why: &str| InputError::new(format!("{}: {why}", path.display())).help(COLUMNS);
@@ -203,7 +204,7 @@ pub fn read_sheet(path: &Path, file: &MeasuredFile) -> Result<SheetTable, InputE
     if places.is_empty() {
         return Err(refused("the file has no rows"));
     }
-    let sigma = match (sigma, &file.sigma) {
+    let noise = match (sigma, &file.sigma) {
         (Some(_), _) => Sigma::Stated(sigmas),
         (None, None) => Sigma::UnstatedAbsolute,
         (None, Some(noise)) => match (noise.share(), noise.quantity(Dimension::Number)) {
@@ -212,11 +213,12 @@ pub fn read_sheet(path: &Path, file: &MeasuredFile) -> Result<SheetTable, InputE
             (None, None) => return Err(refused("the standard deviation of stretches is a share or a number")),
         },
     };
-    Ok(SheetTable {
+    let table = SheetTable {
         at: places,
         stretch: stretches,
-        sigma,
-    })
+        sigma: noise,
+    };
+    Ok((table, sigma.is_some()))
 }
 
 fn length(noise: &Noise) -> Option<f64> {

@@ -290,10 +290,9 @@ impl MeasuredFile {
     ///
     /// # Errors
     /// When its name cannot be written in YAML.
-    pub fn curve(name: &str, test: Test, sigma: Option<&str>) -> Result<(Self, Node), InputError> {
-        let quoted = name.replace('\\', "\\\\").replace('"', "\\\"");
-        let sigma = sigma.map_or_else(String::new, |sigma| format!(", sigma: {sigma}"));
-        let text = format!("{{ file: \"{quoted}\", test: {}{sigma} }}", test.name());
+    pub fn curve(name: &str, test: Test) -> Result<(Self, Node), InputError> {
+        let quoted = serde_json::Value::from(name).to_string();
+        let text = format!("{{ file: {quoted}, test: {} }}", test.name());
         let node = Document::from_text(Path::new(""), &text)?.root;
         Ok((Self::read_with(&node, &[])?, node))
     }

@@ -98,7 +98,7 @@ pub struct MeasuredSet {
     pub notes: Vec<String>,
 }
 
-/// Reads the files of a list.
+/// Reads the files of a list. Stresses without a stated noise have the `usual` one.
 ///
 /// # Errors
 /// When one cannot be read, or a field has no point on the membrane.
@@ -106,8 +106,9 @@ pub fn read_sets(
     files: &[(MeasuredFile, Node)],
     device: &Device,
     scene: &Scene,
+    usual: Noise,
 ) -> Result<Vec<MeasuredSet>, InputError> {
-    let tables = MeasuredTable::read_all(files, scene.form(), Noise::Relative)?;
+    let tables = MeasuredTable::read_all(files, Some(scene.form()), usual)?;
     let set = |(table, (_, node)): (MeasuredTable, &(MeasuredFile, Node))| {
         MeasuredSet::of_table(table, device, scene).map_err(|error| node.place(error))
     };
@@ -143,6 +144,7 @@ impl MeasuredSet {
             settings,
             rows,
             pattern,
+            sigma_source: _,
             mut notes,
         } = table;
         let refused = |why: &str| InputError::new(format!("{name}: {why}"));

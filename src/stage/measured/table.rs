@@ -1,18 +1,17 @@
-//! Files of measurements as they were read, before they are placed on a device: what a `measure` stage stores.
+//! Files of measurements as they were read, before they are placed on a device.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::curve::{self, Measured, history};
+use super::curve::{self, Measured};
 use super::field::{Field, Series, SheetTable, read_field, read_series, read_sheet};
 use super::file::{MeasuredFile, Measurement, Sheet, path_of};
 use crate::direct;
-use deaflow_base::{InputError, Node};
-use deaflow_content::{LongTexts, MeasuredFiles, MeasuredRows, Measurements};
+use deaflow_base::{InputError, Node, words};
 use deaflow_fit::{Curve, HistoryCurve, Load, Sigma, Test};
-use deaflow_pattern::{DrawingOptions, Pattern, PatternForm};
+use deaflow_pattern::{DrawingOptions, Pattern, PatternForm, form_of};
 
 /// A file of measurements.
 #[derive(Clone, Debug)]
@@ -27,8 +26,24 @@ pub struct MeasuredTable {
     pub rows: Rows,
     /// The pattern of electrodes of a device.
     pub pattern: Option<Pattern>,
+    /// Where its standard deviations are from; `None` in artifacts, which do not say it.
+    pub sigma_source: Option<SigmaSource>,
     /// What the reader did that a user should know.
     pub notes: Vec<String>,
+}
+
+words! {
+    /// Where standard deviations are from.
+    pub enum SigmaSource {
+        /// A column of the file.
+        Column = "column",
+        /// The key `sigma` of its entry.
+        Entry = "entry",
+        /// The noise of all files without one of their own.
+        Usual = "usual",
+        /// Nowhere: they are not known.
+        Unknown = "unknown",
+    }
 }
 
 /// Returns notes on a file with its name.
@@ -119,24 +134,37 @@ impl Settings {
 }
 
 impl MeasuredTable {
-    /// Reads a file of an entry. Stresses without a stated noise have the `usual` one.
+    /// Reads a file of an entry, whose pattern has the form of a scene, or without one that of its file. Stresses without
+    /// a stated noise have the `usual` one.
     ///
     /// # Errors
     /// If it or its pattern cannot be read.
-    pub fn read(file: &MeasuredFile, node: &Node, form: PatternForm, usual: curve::Noise) -> Result<Self, InputError> {
+    pub fn read(
+        file: &MeasuredFile,
+        node: &Node,
+        form: Option<PatternForm>,
+        usual: curve::Noise,
+    ) -> Result<Self, InputError> {
         let path = path_of(node, file.file());
-        let rows = match file.test {
+        let of_specimen = file.test.of_specimen();
+        let (rows, has_column) = match file.test {
             Measurement::Uniaxial | Measurement::Equibiaxial | Measurement::PureShear => {
-                let test = file.test.of_specimen().unwrap_or(Test::Uniaxial);
                 let noise = file.noise_of_stress()?.unwrap_or(usual);
-                match curve::read(&path.to_string_lossy(), test, noise)? {
-                    Measured::Curve(curve) => Rows::Curve(curve),
-                    Measured::History(curve) => Rows::History(curve),
+                match curve::read(&path.to_string_lossy(), of_specimen.unwrap_or(Test::Uniaxial), noise)? {
+                    (Measured::Curve(curve), has_column) => (Rows::Curve(curve), has_column),
+                    (Measured::History(curve), has_column) => (Rows::History(curve), has_column),
                 }
             }
-            Measurement::VoltageStretch | Measurement::Creep => Rows::Sheet(read_sheet(&path, file)?),
-            Measurement::Field => Rows::Field(read_field(&path, file)?),
-            Measurement::VoltageDisplacement => Rows::Series(read_series(&path, file)?),
+            Measurement::VoltageStretch | Measurement::Creep => with_rows(read_sheet(&path, file)?, Rows::Sheet),
+            Measurement::Field => with_rows(read_field(&path, file)?, Rows::Field),
+            Measurement::VoltageDisplacement => with_rows(read_series(&path, file)?, Rows::Series),
+        };
+        let is_usual = of_specimen.is_some() && matches!(usual, curve::Noise::Share(_) | curve::Noise::Stress(_));
+        let sigma_source = match (has_column, &file.sigma) {
+            (true, _) => SigmaSource::Column,
+            (false, Some(_)) => SigmaSource::Entry,
+            (false, None) if is_usual => SigmaSource::Usual,
+            (false, None) => SigmaSource::Unknown,
         };
         let (pattern, notes) = match file.pattern() {
             Some(_) => {
@@ -151,6 +179,7 @@ impl MeasuredTable {
             settings: Settings::of(file),
             rows,
             pattern,
+            sigma_source: Some(sigma_source),
             notes,
         };
         table.check().map_err(|error| node.place(error))?;
@@ -199,7 +228,8 @@ impl MeasuredTable {
     }
 
     /// Returns the number of rows.
-    fn count(&self) -> usize {
+    #[must_use]
+    pub fn count(&self) -> usize {
         match &self.rows {
             Rows::Curve(curve) => curve.stretch.len(),
             Rows::History(curve) => curve.time_s.len(),
@@ -209,13 +239,13 @@ impl MeasuredTable {
         }
     }
 
-    /// Reads the files of entries.
+    /// Reads the files of entries, as [`MeasuredTable::read`].
     ///
     /// # Errors
     /// If one cannot be read, or is listed twice.
     pub fn read_all(
         files: &[(MeasuredFile, Node)],
-        form: PatternForm,
+        form: Option<PatternForm>,
         usual: curve::Noise,
     ) -> Result<Vec<Self>, InputError> {
         let mut seen = BTreeSet::new();
@@ -240,9 +270,18 @@ impl MeasuredTable {
     }
 }
 
-fn one_pattern(file: &MeasuredFile, node: &Node, form: PatternForm) -> Result<(Pattern, Vec<String>), InputError> {
+fn with_rows<T>((numbers, has_column): (T, bool), rows: fn(T) -> Rows) -> (Rows, bool) {
+    (rows(numbers), has_column)
+}
+
+fn one_pattern(
+    file: &MeasuredFile,
+    node: &Node,
+    form: Option<PatternForm>,
+) -> Result<(Pattern, Vec<String>), InputError> {
     let named = path_of(node, file.pattern().unwrap_or_default());
     let argument = named.to_string_lossy().into_owned();
+    let form = form.map_or_else(|| form_of(&argument), Ok)?;
     let mut found = direct::patterns(&[argument], form, &DrawingOptions::default())?;
     match (found.patterns.pop(), found.patterns.is_empty()) {
         (Some(pattern), true) => Ok((pattern, found.notes)),
@@ -255,26 +294,26 @@ fn one_pattern(file: &MeasuredFile, node: &Node, form: PatternForm) -> Result<(P
 }
 
 /// How the noise of a file is known, as artifacts name it.
-const STATED: &str = "stated";
-const SHARE: &str = "share";
-const RELATIVE: &str = "relative";
-const ABSOLUTE: &str = "absolute";
+pub(super) const STATED: &str = "stated";
+pub(super) const SHARE: &str = "share";
+pub(super) const RELATIVE: &str = "relative";
+pub(super) const ABSOLUTE: &str = "absolute";
 
 /// The numbers of one row.
 #[derive(Clone, Copy, Default)]
-struct Row {
-    number: usize,
-    time: f64,
-    voltage: f64,
-    stretch: f64,
-    stress: f64,
-    position: [f64; 2],
-    displacement: [f64; 2],
+pub(super) struct Row {
+    pub number: usize,
+    pub time: f64,
+    pub voltage: f64,
+    pub stretch: f64,
+    pub stress: f64,
+    pub position: [f64; 2],
+    pub displacement: [f64; 2],
 }
 
 impl MeasuredTable {
     /// Returns the rows with finite numbers.
-    fn finite_rows(&self) -> Vec<Row> {
+    pub(super) fn finite_rows(&self) -> Vec<Row> {
         let pairs = |x: &[f64], y: &[f64], row: &dyn Fn(f64, f64) -> Row| -> Vec<Row> {
             x.iter().zip(y).map(|(x, y)| row(*x, *y)).collect()
         };
@@ -338,7 +377,7 @@ impl MeasuredTable {
     }
 
     /// Returns the noise by name, the share, and the standard deviation of each row of the file.
-    fn noise(&self) -> (&'static str, f64, Option<&[f64]>) {
+    pub(super) fn noise(&self) -> (&'static str, f64, Option<&[f64]>) {
         let sigma = match &self.rows {
             Rows::Curve(curve) => &curve.sigma,
             Rows::History(curve) => &curve.sigma,
@@ -358,167 +397,4 @@ impl MeasuredTable {
             Sigma::UnstatedAbsolute => (ABSOLUTE, 0.0, None),
         }
     }
-
-    /// Returns the content of a `measure` stage.
-    ///
-    /// # Errors
-    /// If the settings cannot be written.
-    pub fn content(tables: &[Self]) -> Result<Measurements, serde_json::Error> {
-        let (mut files, mut rows, mut patterns) = (MeasuredFiles::default(), MeasuredRows::default(), Vec::new());
-        let (mut names, mut settings) = (Vec::new(), Vec::new());
-        for (at, table) in tables.iter().enumerate() {
-            let (noise, share, sigma) = table.noise();
-            names.push(table.name.clone());
-            settings.push(serde_json::to_string(&table.settings)?);
-            files.test.push(table.test.name().to_owned());
-            files.noise.push(noise.to_owned());
-            files.share.push(share);
-            patterns.extend(table.pattern.clone());
-            files.pattern.push(match table.pattern {
-                Some(_) => patterns.len() as u64,
-                None => 0,
-            });
-            for row in table.finite_rows() {
-                rows.file.push(at as u64);
-                rows.number.push(row.number as u64);
-                rows.time.push(row.time);
-                rows.voltage.push(row.voltage);
-                rows.stretch.push(row.stretch);
-                rows.stress.push(row.stress);
-                rows.position.push(row.position);
-                rows.displacement.push(row.displacement);
-                let sigma = sigma.and_then(|sigma| sigma.get(row.number - 1)).copied();
-                rows.sigma
-                    .push(sigma.filter(|sigma| sigma.is_finite()).unwrap_or_default());
-            }
-        }
-        files.name = LongTexts(names);
-        files.settings = LongTexts(settings);
-        Ok(Measurements {
-            files,
-            rows,
-            patterns: (!patterns.is_empty()).then_some(patterns),
-        })
-    }
-
-    /// Returns the files of the content of a `measure` stage.
-    ///
-    /// # Errors
-    /// If it is not consistent, with the reason.
-    pub fn of_content(content: &Measurements) -> Result<Vec<Self>, String> {
-        let Measurements { files, rows, patterns } = content;
-        let mut all = Vec::with_capacity(files.test.len());
-        for at in 0..files.test.len() {
-            let name = files.name.0[at].clone();
-            let wrong = |why: &str| format!("{name}: {why}");
-            let test = Measurement::from_name(&files.test[at]).ok_or_else(|| wrong("its test is unknown"))?;
-            let settings = serde_json::from_str(&files.settings.0[at]).map_err(|error| wrong(&error.to_string()))?;
-            let own: Vec<usize> = (0..rows.file.len())
-                .filter(|row| rows.file[*row] == at as u64)
-                .collect();
-            let sigma = |fit: &dyn Fn(usize) -> f64| own.iter().map(|row| fit(*row)).collect::<Vec<f64>>();
-            let noise = match files.noise[at].as_str() {
-                STATED => Sigma::Stated(sigma(&|row| rows.sigma[row])),
-                SHARE => Sigma::StatedFraction(files.share[at]),
-                RELATIVE => Sigma::UnstatedRelative,
-                ABSOLUTE => Sigma::UnstatedAbsolute,
-                _ => return Err(wrong("its noise is unknown")),
-            };
-            let column = |of: &[f64]| own.iter().map(|row| of[*row]).collect::<Vec<f64>>();
-            let pattern = match files.pattern[at] {
-                0 => None,
-                number => {
-                    let found = patterns.iter().flatten().nth(number as usize - 1);
-                    Some(found.cloned().ok_or_else(|| wrong("its pattern is missing"))?)
-                }
-            };
-            let numbers = Numbers {
-                own: &own,
-                rows,
-                noise,
-                column: &column,
-            };
-            all.push(Self {
-                rows: numbers.rows(&name, test),
-                name,
-                test,
-                settings,
-                pattern,
-                notes: Vec::new(),
-            });
-        }
-        Ok(all)
-    }
-}
-
-/// The numbers of a file in an artifact.
-struct Numbers<'a> {
-    /// Its rows.
-    own: &'a [usize],
-    rows: &'a MeasuredRows,
-    noise: Sigma,
-    column: &'a dyn Fn(&[f64]) -> Vec<f64>,
-}
-
-impl Numbers<'_> {
-    fn rows(self, name: &str, test: Measurement) -> Rows {
-        let Self {
-            own,
-            rows,
-            noise,
-            column,
-        } = self;
-        match (test, test.of_specimen()) {
-            (_, Some(how)) => {
-                let times = column(&rows.time);
-                let (stretch, stress_pa) = (column(&rows.stretch), column(&rows.stress));
-                // Curves have no times.
-                match times.iter().any(|time| *time != 0.0) {
-                    false => Rows::Curve(Curve {
-                        name: name.to_owned(),
-                        test: how,
-                        stretch,
-                        stress_pa,
-                        sigma: noise,
-                    }),
-                    true => Rows::History(history(name, how, (times, stretch), stress_pa, noise)),
-                }
-            }
-            (Measurement::Field, None) => Rows::Field(field(own, rows, &noise)),
-            (Measurement::VoltageDisplacement, None) => Rows::Series(Series {
-                voltages_v: column(&rows.voltage),
-                displacements_mm: own.iter().map(|row| rows.displacement[*row][0]).collect(),
-                sigma: noise,
-            }),
-            (Measurement::Creep, None) => Rows::Sheet(SheetTable {
-                at: column(&rows.time),
-                stretch: column(&rows.stretch),
-                sigma: noise,
-            }),
-            (_, None) => Rows::Sheet(SheetTable {
-                at: column(&rows.voltage),
-                stretch: column(&rows.stretch),
-                sigma: noise,
-            }),
-        }
-    }
-}
-
-/// Returns a field; rows that are missing have no numbers, so that rows keep their places.
-fn field(own: &[usize], rows: &MeasuredRows, noise: &Sigma) -> Field {
-    let last = own.iter().map(|row| rows.number[*row] as usize).max().unwrap_or(0);
-    let mut field = Field {
-        points_mm: vec![[f64::NAN; 2]; last],
-        displacements_mm: vec![[f64::NAN; 2]; last],
-        sigma_mm: matches!(noise, Sigma::Stated(_)).then(|| vec![f64::NAN; last]),
-    };
-    for &row in own {
-        let at = (rows.number[row] as usize).saturating_sub(1);
-        field.points_mm[at] = rows.position[row];
-        field.displacements_mm[at] = rows.displacement[row];
-        if let Some(sigma) = &mut field.sigma_mm {
-            sigma[at] = rows.sigma[row];
-        }
-    }
-    field
 }

@@ -1,6 +1,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use super::curve::Noise;
 use super::{Data, Device, MeasuredFile, MeasuredSet, SceneFit, compare, fit_scene, read_sets};
 use deaflow_base::{InputError, Stream};
 use deaflow_fem::{MembraneSolver, SolveOptions};
@@ -79,7 +80,7 @@ fn field(volts: f64, points: usize, seed: u64, sigma: f64, deformed: bool, camer
 fn sets(folder: &Path, list: &str, device: &Device, scene: &Scene) -> Result<Vec<MeasuredSet>, InputError> {
     let path = folder.join("measured.yaml");
     std::fs::write(&path, list).unwrap();
-    read_sets(&MeasuredFile::load(&path)?, device, scene)
+    read_sets(&MeasuredFile::load(&path)?, device, scene, Noise::Relative)
 }
 
 fn folder(files: &[(&str, String)]) -> tempfile::TempDir {
