@@ -182,10 +182,11 @@ impl Node {
         parent.map(|(key, _)| key.describe_plain())
     }
 
-    /// Returns the value of `key`, mutable.
+    /// Returns the value of `key`, or the item of a list whose number from 0 it is, mutable.
     pub fn child_mut(&mut self, key: &str) -> Option<&mut Node> {
         match &mut self.value {
             NodeValue::Map(entries) => entries.iter_mut().find(|(k, _)| k.is_text(key)).map(|(_, v)| v),
+            NodeValue::List(items) => items.get_mut(key.parse::<usize>().ok()?),
             _ => None,
         }
     }

@@ -137,10 +137,10 @@ impl Override {
 
     /// Sets the value in the tree; `null` removes the key. Every step except the last must exist. Within a stage or a
     /// part of the scene, a missing step is created as a mapping unless it looks like a misspelt key; the reader of the
-    /// mapping checks it.
+    /// mapping checks it. In a list a step is the number of an item, from 0.
     ///
     /// # Errors
-    /// When a step does not exist or is not a mapping, or there is nothing to remove.
+    /// When a step does not exist or is neither a mapping nor a list, or there is nothing to remove.
     pub fn apply(&self, root: &mut Node) -> Result<(), InputError> {
         let mut at = root;
         let (last, steps) = self.path.split_last().expect("a path has at least one step");
@@ -149,11 +149,28 @@ impl Override {
             if depth >= CREATED_DEPTH && parent.is_none() && at.child_mut(step).is_none() && !is_near(step, &known) {
                 at.put(step, self.keys[depth].with_value(NodeValue::Map(Vec::new())));
             }
-            at = at
-                .child_mut(step)
-                .ok_or_else(|| self.missing_step(depth, &known, parent.as_deref()))?;
+            let items = items_of(at);
+            at = at.child_mut(step).ok_or_else(|| match items {
+                Some(items) => self.missing_item(depth, items),
+                None => self.missing_step(depth, &known, parent.as_deref()),
+            })?;
         }
         let known = at.keys();
+        if let Some(items) = items_of(at) {
+            let item = at
+                .child_mut(last)
+                .ok_or_else(|| self.missing_item(steps.len(), items))?;
+            return match self.value.value() {
+                NodeValue::Null => Err(self
+                    .value
+                    .error(format!("{}: an item of a list cannot be removed", self.name))
+                    .help("write the whole list")),
+                _ => {
+                    *item = self.value.clone();
+                    Ok(())
+                }
+            };
+        }
         let NodeValue::Map(entries) = &mut at.value else {
             let message = format!("{}: `{}` is not a mapping", self.name, steps.join("."));
             return Err(self.value.error(message));
@@ -171,6 +188,19 @@ impl Override {
             (None, _) => entries.push((self.keys[steps.len()].clone(), self.value.clone())),
         }
         Ok(())
+    }
+
+    /// Creates the error for a step that is not an item of a list.
+    fn missing_item(&self, depth: usize, items: usize) -> InputError {
+        let (list, step) = (self.path[..depth].join("."), &self.path[depth]);
+        let allowed = match items {
+            0 => "the list is empty".to_owned(),
+            1 => "allowed: 0".to_owned(),
+            _ => format!("allowed: 0 to {}", items - 1),
+        };
+        self.keys[depth]
+            .error(format!("{}: `{list}` has no item `{step}`", self.name))
+            .help(allowed)
     }
 
     /// Creates the error for a missing step; `parent` is a key whose mapping has the step.
@@ -192,6 +222,14 @@ impl Override {
 
 /// From this depth on, a path is within a stage or a part of the scene, and missing steps are created.
 const CREATED_DEPTH: usize = 2;
+
+/// Returns the number of items of a list; `None` for other values.
+fn items_of(node: &Node) -> Option<usize> {
+    match node.value() {
+        NodeValue::List(items) => Some(items.len()),
+        _ => None,
+    }
+}
 
 /// Returns whether a step looks like a misspelt known key.
 fn is_near(step: &str, known: &[String]) -> bool {

@@ -68,6 +68,36 @@ fn overrides_replace_and_add_and_are_quoted_in_errors() {
 }
 
 #[test]
+fn an_override_replaces_an_item_of_a_list() {
+    let mut node = parse("scene:\n  geometry: { prestretch: [3, 2], bodies: [ { load: [1 N, 0 N] } ] }\n");
+    let mut set = |text: &str| Override::parse(text).unwrap().apply(&mut node);
+    set("scene.geometry.prestretch.1=2.5").unwrap();
+    set("scene.geometry.bodies.0.load.0=3 N").unwrap();
+    for (text, message, help) in [
+        (
+            "scene.geometry.prestretch.2=1",
+            "`scene.geometry.prestretch` has no item `2`",
+            "allowed: 0 to 1",
+        ),
+        ("scene.geometry.bodies.x.load=1", "has no item `x`", "allowed: 0"),
+        (
+            "scene.geometry.prestretch.0=null",
+            "cannot be removed",
+            "write the whole list",
+        ),
+    ] {
+        let error = set(text).unwrap_err();
+        assert!(error.to_string().contains(message), "{error}");
+        assert_eq!(error.help.as_deref(), Some(help), "{text}");
+    }
+    let geometry = node.peek("scene").unwrap().peek("geometry").unwrap();
+    assert_eq!(
+        geometry.written(),
+        "{ prestretch: [3, 2.5], bodies: [{ load: [3 N, 0 N] }] }"
+    );
+}
+
+#[test]
 fn an_override_of_null_removes_the_key() {
     let mut node = parse("stages:\n  small: { count: 300, seed: 1 }\n");
     let mut set = |text: &str| Override::parse(text).unwrap().apply(&mut node);

@@ -27,7 +27,7 @@ pub struct FreeKey {
 
 impl FreeKey {
     /// Finds the parameter that is written as `KEY` or `KEY=LOW..HIGH`: a key with a number, by its path or the end of
-    /// it.
+    /// it. A step that is a number names an item of a list, from 0.
     ///
     /// # Errors
     /// When there is none or there are several, or the bounds are not valid.
@@ -58,18 +58,23 @@ impl FreeKey {
                 let (path, dimension, start) = match found[..] {
                     [only] => only.clone(),
                     [] if has_list(root, wanted) => {
-                        let help = "only single numbers can be fitted".to_owned();
+                        let help = format!("name one number of it, counted from 0, as in {wanted}.0");
                         return refused("it is a list in the scene".to_owned(), help);
                     }
                     [] => {
-                        let mut all: Vec<String> = named(&numbers.iter().collect::<Vec<_>>());
+                        // An outline has hundreds of numbers.
+                        let is_listed = |path: &&(String, Dimension, f64)| !path.0.split('.').any(is_number_of_item);
+                        let mut all: Vec<String> = named(&numbers.iter().filter(is_listed).collect::<Vec<_>>());
                         all.push(VOLTAGE_OFFSET.to_owned());
                         let ends: Vec<&str> = all.iter().filter_map(|path| path.rsplit('.').next()).collect();
                         let near =
                             nearest(wanted, &ends).map_or_else(String::new, |near| format!("did you mean `{near}`? "));
                         return refused(
                             "the scene has no such number".to_owned(),
-                            format!("{near}allowed: {}", listed(&all)),
+                            format!(
+                                "{near}allowed: {}, and numbers in lists, as in prestretch.0",
+                                listed(&all)
+                            ),
                         );
                     }
                     _ => {
@@ -139,8 +144,20 @@ impl FreeKey {
     }
 }
 
-/// Returns the name of a parameter: as laws and sheets know it, else its path.
+fn is_number_of_item(step: &str) -> bool {
+    step.parse::<usize>().is_ok()
+}
+
+/// Returns the name of a parameter: as laws, branches and sheets know it, else its path.
 fn name_of(path: &str) -> String {
+    let branch = path
+        .strip_prefix("effects.viscoelasticity.branches.")
+        .and_then(|rest| rest.split_once('.'));
+    if let Some((number, quantity)) = branch
+        && let Ok(number) = number.parse::<usize>()
+    {
+        return format!("branch_{quantity}_{}", number + 1);
+    }
     let short = ["material.", "effects.strain_stiffening."];
     let known = short.into_iter().find_map(|start| path.strip_prefix(start));
     known.unwrap_or(path).to_owned()
@@ -158,8 +175,8 @@ fn has_list(node: &Node, wanted: &str) -> bool {
     })
 }
 
-/// Returns the paths of all keys of a mapping that have a number, with the dimension and the value in the base unit.
-/// Properties that the simulation does not use are left out.
+/// Returns the paths of all keys of a mapping that have a number, and of numbers in lists, with the dimension and the
+/// value in the base unit. Properties that the simulation does not use are left out.
 fn numbers(node: &Node, path: &str) -> Vec<(String, Dimension, f64)> {
     match node.value() {
         NodeValue::Map(entries) => {
@@ -172,6 +189,10 @@ fn numbers(node: &Node, path: &str) -> Vec<(String, Dimension, f64)> {
                 (path, key) => numbers(value, &format!("{path}.{key}")),
             };
             named.flat_map(below).collect()
+        }
+        NodeValue::List(items) => {
+            let item = |(at, item): (usize, &Node)| numbers(item, &format!("{path}.{at}"));
+            items.iter().enumerate().flat_map(item).collect()
         }
         _ => number(node)
             .map(|(dimension, value)| vec![(path.to_owned(), dimension, value)])

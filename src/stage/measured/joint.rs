@@ -369,11 +369,36 @@ pub struct SceneFit {
     pub shift: Option<f64>,
 }
 
+/// Refuses free parameters that a curve or a sheet depends on, but takes from the scene as it is.
+fn check_free(device: &Device, sets: &[MeasuredSet]) -> Result<(), InputError> {
+    let fixed = |set: &MeasuredSet, path: &str| match &set.data {
+        Data::Curve(_) => path.contains(".terms."),
+        Data::Sheet(_) | Data::Creep(_) => {
+            path.contains(".terms.") || path == "geometry.thickness" || path.starts_with("geometry.prestretch")
+        }
+        Data::Field(_) | Data::Series(_) => false,
+    };
+    let pairs = sets
+        .iter()
+        .flat_map(|set| device.keys().iter().map(move |key| (set, key)));
+    match pairs.into_iter().find(|(set, key)| fixed(set, &key.path)) {
+        Some((set, key)) => Err(InputError::new(format!(
+            "`{}` cannot be fitted to {}, which is a `{}`",
+            key.path,
+            set.name,
+            set.test.name()
+        ))
+        .help("fit it to devices alone")),
+        None => Ok(()),
+    }
+}
+
 /// Fits the free parameters of a device, on finer meshes until they no longer change if `refines`.
 ///
 /// # Errors
 /// When the data cannot determine the parameters, or there is no state at the first values.
 pub fn fit_scene(device: &Device, sets: &[MeasuredSet], refines: bool) -> Result<SceneFit, InputError> {
+    check_free(device, sets)?;
     let first = device.first_values();
     for set in sets {
         let simulated = set.simulate(device, &first);

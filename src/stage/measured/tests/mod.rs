@@ -1,3 +1,5 @@
+mod lists;
+
 use std::fmt::Write as _;
 use std::path::Path;
 
