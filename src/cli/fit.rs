@@ -140,7 +140,18 @@ pub fn execute(arguments: &FitArguments, output: &Output) -> Result<Exit, CliErr
             text.line(file);
         });
         text
-    })
+    })?;
+    Ok(exit_of(
+        fitted.chosen().is_some_and(|(estimate, ..)| estimate.converged),
+    ))
+}
+
+/// Returns the exit code of a fit whose results are written.
+fn exit_of(converged: bool) -> Exit {
+    match converged {
+        true => Exit::Done,
+        false => Exit::NotConverged,
+    }
 }
 
 /// Reads the files and fits them.
@@ -379,6 +390,7 @@ fn estimate_document(
         "sigma_stated": estimate.stated,
         "aicc": Some(estimate.information.aicc).filter(|aicc| aicc.is_finite()),
         "bic": estimate.information.bic,
+        "converged": estimate.converged,
         "verdict": verdict.to_string(),
         "residuals": residuals.iter().map(residual).collect::<Vec<_>>(),
         "outliers": outliers.iter().map(|own| json!({

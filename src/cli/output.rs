@@ -32,6 +32,8 @@ pub enum Exit {
     Findings,
     /// The pipeline or its results differ from the lock file.
     Locked,
+    /// Done, but the search of a fit did not converge.
+    NotConverged,
     /// Stopped, or refused by the machine or the disk: trying again may help (`EX_TEMPFAIL` of `sysexits.h`).
     TryAgain,
 }
@@ -47,6 +49,7 @@ impl Exit {
             Self::Damaged => 4,
             Self::Findings => 5,
             Self::Locked => 6,
+            Self::NotConverged => 7,
             Self::TryAgain => 75,
         }
     }

@@ -432,3 +432,37 @@ fn a_curve_and_a_field_are_fitted_together() {
     let refused = workspace.run(&[&arguments[..], &free[..], &["--law", "gent"]].concat());
     assert_eq!(refused.code, Some(2), "{}", refused.stderr);
 }
+
+/// A displacement beyond every stable state: the search ends at the edge of pull-in.
+#[test]
+fn a_fit_that_does_not_converge_has_an_exit_code_of_its_own() {
+    let workspace = Workspace::new();
+    workspace.write("device.yaml", DEVICE);
+    let half = (0..20).map(|_| format!("{}\n", [["1"; 10], ["0"; 10]].concat().join(",")));
+    workspace.write("half.csv", &half.collect::<String>());
+    workspace.write("far.csv", "voltage_kV,displacement_mm\n3,2\n4,9\n4.5,16\n");
+    workspace.write(
+        "far.yaml",
+        "files: [ { file: far.csv, test: voltage-displacement, pattern: half.csv, point: [25 mm, 25 mm], direction: 0 deg } ]",
+    );
+    let arguments = [
+        "fit",
+        "device.yaml",
+        "far.yaml",
+        "--free",
+        "shear_modulus",
+        "--elements-per-cell",
+        "1",
+    ];
+    let ended = workspace.run(&[&arguments[..], &["--json", "-o", "far-fitted.yaml"]].concat());
+    assert_eq!(ended.code, Some(7), "{} {}", ended.stdout, ended.stderr);
+    let found = ended.json();
+    assert_eq!(
+        (&found["converged"], &found["verdict"]),
+        (&false.into(), &"the search did not converge".into())
+    );
+    assert!(ended.stderr.contains("did not converge"), "{}", ended.stderr);
+    let text = std::fs::read_to_string(workspace.path("far-fitted.yaml")).unwrap();
+    assert!(text.contains("# the search did not converge."), "{text}");
+    assert!(workspace.path("far-fitted.png").exists());
+}

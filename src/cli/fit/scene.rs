@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{FitArguments, estimate_document};
+use super::{FitArguments, estimate_document, exit_of};
 use crate::compared::{notes, summary, write_with_figure};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, table};
@@ -48,7 +48,8 @@ pub fn execute(arguments: &FitArguments, files: &[(MeasuredFile, Node)], output:
             text.line(file);
         });
         text
-    })
+    })?;
+    Ok(exit_of(found.fit.estimate.converged))
 }
 
 fn pairs<'a>(found: &'a SceneFit, keys: &'a [FreeKey]) -> impl Iterator<Item = (&'a Parameter, &'a FreeKey)> {
