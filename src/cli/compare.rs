@@ -155,13 +155,14 @@ fn effect_document(one: &WithEffect) -> Value {
 /// # Errors
 /// When memory is short.
 fn rows(compared: &[Compared]) -> Result<String, CliError> {
-    const HEADER: [&str; 11] = [
+    const HEADER: [&str; 12] = [
         "file",
         "row",
         "x_mm",
         "y_mm",
         "time_s",
         "voltage_V",
+        "frequency_Hz",
         "stretch",
         "component",
         "measured",
@@ -169,11 +170,11 @@ fn rows(compared: &[Compared]) -> Result<String, CliError> {
         "unit",
     ];
     /// The quantities of the columns with units.
-    const PLACES: [&str; 5] = ["x", "y", "time", "voltage", "stretch"];
+    const PLACES: [&str; 6] = ["x", "y", "time", "voltage", "frequency", "stretch"];
     let mut all = Vec::new();
     for one in compared {
         let mut add =
-            |row: usize, place: [Option<f64>; 5], component: &str, [measured, simulated]: [f64; 2], unit: &str| {
+            |row: usize, place: [Option<f64>; 6], component: &str, [measured, simulated]: [f64; 2], unit: &str| {
                 let place = place.map(|number| number.map_or_else(String::new, |number| number.to_string()));
                 let start = [one.name.clone(), row.to_string()];
                 let end = [
@@ -200,7 +201,7 @@ fn rows(compared: &[Compared]) -> Result<String, CliError> {
                         let numbers = [simulated[c] + difference[c], simulated[c]];
                         add(
                             *row,
-                            [Some(at[0]), Some(at[1]), None, None, None],
+                            [Some(at[0]), Some(at[1]), None, None, None, None],
                             component,
                             numbers,
                             "mm",

@@ -16,7 +16,7 @@ use deaflow_report::figures_of_measurements;
 use deaflow_scene::Scene;
 use deaflow_stage::direct;
 use deaflow_stage::measured::{
-    Data, Deviations, Device, MeasuredSet, MeasuredTable, MeshChoice, Range, Rows, SigmaSource, named_notes,
+    Data, Deviations, Device, MeasuredSet, MeasuredTable, MeshChoice, Range, SigmaSource, named_notes,
 };
 
 /// Read files of measurements, and show their ranges, noise and left out rows
@@ -109,7 +109,7 @@ impl<'a> Read<'a> {
             notes: table.notes.clone(),
             used: table.rows_with_numbers() - table.rows_at_rest(),
         };
-        if let Some((scene, device)) = device.filter(|_| matches!(table.rows, Rows::Field(_) | Rows::Series(_))) {
+        if let Some((scene, device)) = device.filter(|_| table.pattern.is_some()) {
             let set = MeasuredSet::of_table(table.clone(), device, scene).map_err(|error| node.place(error))?;
             if let Data::Field(field) = &set.data {
                 read.used = field.image().points().len();

@@ -55,8 +55,13 @@ arrays! {
         stress: Vec<f64> = array("stress", "Pa", [row]),
         /// Point on the membrane at rest, from its lower left corner.
         position: Vec<[f64; 2]> = array("position", "mm", [row, xy]),
-        /// Displacement; of one point against the voltage, the first number is that along its direction.
+        /// Displacement; of one point against the voltage or the time, the first number is that along its direction, and
+        /// its amplitude in a frequency response.
         displacement: Vec<[f64; 2]> = array("displacement", "mm", [row, xy]),
+        /// Frequency, if a file has a frequency response.
+        frequency: Option<Vec<f64>> = array("frequency", "Hz", [row]),
+        /// Phase of the displacement relative to the voltage, if a file has a frequency response.
+        phase: Option<Vec<f64>> = array("phase", "deg", [row]),
         /// Standard deviation in the unit of what was measured, if it is `stated`.
         sigma: Vec<f64> = array("sigma", "", [row]),
     }
@@ -84,8 +89,8 @@ arrays! {
     pub struct ComparedFiles, ComparedFilesView {
         /// Name of each file.
         name: LongTexts = array("name", "", [file]),
-        /// What is compared with what: `field`, `displacement-voltage`, `stretch-voltage`, `stretch-time`,
-        /// `stress-stretch` or `stress-time`.
+        /// What is compared with what: `field`, `displacement-voltage`, `displacement-time`, `amplitude-frequency`,
+        /// `phase-frequency`, `stretch-voltage`, `stretch-time`, `stress-stretch` or `stress-time`.
         quantities: Vec<String> = array("quantities", "", [file]),
         /// Compared points.
         points: Vec<u64> = array("points", "1", [file]),
@@ -115,14 +120,14 @@ arrays! {
 }
 
 arrays! {
-    /// Measured and simulated numbers, in V, s, mm and Pa.
+    /// Measured and simulated numbers, in V, s, Hz, mm, deg and Pa.
     #[derive(Default)]
     pub struct ComparedRows, ComparedRowsView {
         /// Number of the file from 0.
         file: Vec<u64> = array("file", "1", [row]),
         /// Number of the row in the file from 1.
         number: Vec<u64> = array("number", "1", [row]),
-        /// What the numbers are measured against: voltage, time or stretch.
+        /// What the numbers are measured against: voltage, time, frequency or stretch.
         at: Vec<f64> = array("at", "", [row]),
         /// Point on the membrane at rest, of fields.
         position: Vec<[f64; 2]> = array("position", "mm", [row, xy]),

@@ -10,6 +10,12 @@ words! {
         Field = "field",
         /// A displacement against the voltage.
         VoltageDisplacement = "displacement-voltage",
+        /// A displacement against the time.
+        TimeDisplacement = "displacement-time",
+        /// The amplitude of a displacement under a small alternating voltage, against its frequency.
+        FrequencyAmplitude = "amplitude-frequency",
+        /// The phase of that displacement relative to the voltage, against the frequency.
+        FrequencyPhase = "phase-frequency",
         /// A stretch against the voltage.
         VoltageStretch = "stretch-voltage",
         /// A stretch against the time.
@@ -34,6 +40,9 @@ pub struct MeasuredQuantity {
 
 const POSITION: MeasuredQuantity = MeasuredQuantity::new("position", "X", Dimension::Length);
 const DISPLACEMENT: MeasuredQuantity = MeasuredQuantity::new("displacement", "u", Dimension::Length);
+const AMPLITUDE: MeasuredQuantity = MeasuredQuantity::new("amplitude", "amplitude", Dimension::Length);
+const PHASE: MeasuredQuantity = MeasuredQuantity::new("phase", "phase", Dimension::Angle);
+const FREQUENCY: MeasuredQuantity = MeasuredQuantity::new("frequency", "f", Dimension::Frequency);
 const VOLTAGE: MeasuredQuantity = MeasuredQuantity::new("voltage", "V", Dimension::Voltage);
 const TIME: MeasuredQuantity = MeasuredQuantity::new("time", "t", Dimension::Time);
 const STRETCH: MeasuredQuantity = MeasuredQuantity::new("stretch", "stretch", Dimension::Number);
@@ -57,6 +66,12 @@ impl MeasuredQuantity {
         }
     }
 
+    /// Returns whether its numbers are positive and span decades, so that axes are logarithmic.
+    #[must_use]
+    pub fn spans_decades(self) -> bool {
+        self == FREQUENCY || self == AMPLITUDE
+    }
+
     /// Converts a number from the base unit to that of the label.
     #[must_use]
     pub fn displayed(self, value: f64) -> f64 {
@@ -69,7 +84,9 @@ impl Quantities {
     #[must_use]
     pub fn measured(self) -> MeasuredQuantity {
         match self {
-            Self::Field | Self::VoltageDisplacement => DISPLACEMENT,
+            Self::Field | Self::VoltageDisplacement | Self::TimeDisplacement => DISPLACEMENT,
+            Self::FrequencyAmplitude => AMPLITUDE,
+            Self::FrequencyPhase => PHASE,
             Self::VoltageStretch | Self::TimeStretch => STRETCH,
             Self::StretchStress | Self::TimeStress => STRESS,
         }
@@ -81,7 +98,8 @@ impl Quantities {
         match self {
             Self::Field => POSITION,
             Self::VoltageDisplacement | Self::VoltageStretch => VOLTAGE,
-            Self::TimeStretch | Self::TimeStress => TIME,
+            Self::TimeDisplacement | Self::TimeStretch | Self::TimeStress => TIME,
+            Self::FrequencyAmplitude | Self::FrequencyPhase => FREQUENCY,
             Self::StretchStress => STRETCH,
         }
     }
@@ -92,6 +110,8 @@ impl Quantities {
         match test {
             "field" => Self::Field,
             "voltage-displacement" => Self::VoltageDisplacement,
+            "time-displacement" => Self::TimeDisplacement,
+            "frequency-response" => Self::FrequencyAmplitude,
             "voltage-stretch" => Self::VoltageStretch,
             "creep" => Self::TimeStretch,
             _ if has_times => Self::TimeStress,
@@ -105,14 +125,20 @@ impl MeasuredRows {
     /// and the first component.
     #[must_use]
     pub fn numbers(&self, quantities: Quantities, row: usize) -> (f64, f64) {
+        let number = |all: &Option<Vec<f64>>| all.as_ref().map_or(0.0, |all| all[row]);
         let at = match quantities {
             Quantities::Field => self.position[row][0],
             Quantities::VoltageDisplacement | Quantities::VoltageStretch => self.voltage[row],
-            Quantities::TimeStretch | Quantities::TimeStress => self.time[row],
+            Quantities::TimeDisplacement | Quantities::TimeStretch | Quantities::TimeStress => self.time[row],
+            Quantities::FrequencyAmplitude | Quantities::FrequencyPhase => number(&self.frequency),
             Quantities::StretchStress => self.stretch[row],
         };
         let measured = match quantities {
-            Quantities::Field | Quantities::VoltageDisplacement => self.displacement[row][0],
+            Quantities::Field | Quantities::VoltageDisplacement | Quantities::TimeDisplacement => {
+                self.displacement[row][0]
+            }
+            Quantities::FrequencyAmplitude => self.displacement[row][0],
+            Quantities::FrequencyPhase => number(&self.phase),
             Quantities::VoltageStretch | Quantities::TimeStretch => self.stretch[row],
             Quantities::StretchStress | Quantities::TimeStress => self.stress[row],
         };

@@ -121,6 +121,7 @@ pub fn figures_of_files(files: &ComparedFiles, rows: &ComparedRows, scene: &Scen
         };
         MeasuredFigure::Curve {
             labels: [against, measured].map(MeasuredQuantity::label),
+            logarithmic: [against, measured].map(MeasuredQuantity::spans_decades),
             curve: FittedCurve {
                 name: name.clone(),
                 measured: points(&rows.measured),
@@ -135,7 +136,7 @@ pub fn figures_of_files(files: &ComparedFiles, rows: &ComparedRows, scene: &Scen
 #[must_use]
 pub fn figures_of_measurements(measured: &Measurements) -> Vec<MeasuredFigure> {
     let (files, rows) = (&measured.files, &measured.rows);
-    let figure = |(file, name): (usize, &String)| {
+    let figures = |(file, name): (usize, &String)| -> Vec<MeasuredFigure> {
         let own: Vec<usize> = (0..rows.file.len())
             .filter(|row| rows.file[*row] == file as u64)
             .collect();
@@ -144,7 +145,7 @@ pub fn figures_of_measurements(measured: &Measurements) -> Vec<MeasuredFigure> {
         if quantities == Quantities::Field {
             let points_mm: Vec<[f64; 2]> = own.iter().map(|&row| rows.position[row]).collect();
             let side = |axis: usize| points_mm.iter().map(|at| at[axis]).fold(0.0, f64::max);
-            return MeasuredFigure::Map {
+            return vec![MeasuredFigure::Map {
                 name: name.clone(),
                 size_mm: [side(0), side(1)],
                 lengths_mm: own
@@ -153,23 +154,37 @@ pub fn figures_of_measurements(measured: &Measurements) -> Vec<MeasuredFigure> {
                     .collect(),
                 points_mm,
                 note: "measured displacement",
-            };
+            }];
         }
-        let (against, measured) = (quantities.against(), quantities.measured());
-        let point = |&row: &usize| {
-            let (at, number) = rows.numbers(quantities, row);
-            (against.displayed(at), measured.displayed(number))
+        let is_known = |quantities: &Quantities| match quantities {
+            Quantities::FrequencyPhase => own
+                .iter()
+                .any(|&row| rows.numbers(Quantities::FrequencyPhase, row).1 != 0.0),
+            _ => true,
         };
-        MeasuredFigure::Curve {
-            labels: [against, measured].map(MeasuredQuantity::label),
-            curve: FittedCurve {
-                name: name.clone(),
-                measured: own.iter().map(point).collect(),
-                fitted: Vec::new(),
-            },
-        }
+        let all = match quantities {
+            Quantities::FrequencyAmplitude => vec![quantities, Quantities::FrequencyPhase],
+            one => vec![one],
+        };
+        let curve = |quantities: Quantities| {
+            let (against, measured) = (quantities.against(), quantities.measured());
+            let point = |&row: &usize| {
+                let (at, number) = rows.numbers(quantities, row);
+                (against.displayed(at), measured.displayed(number))
+            };
+            MeasuredFigure::Curve {
+                labels: [against, measured].map(MeasuredQuantity::label),
+                logarithmic: [against, measured].map(MeasuredQuantity::spans_decades),
+                curve: FittedCurve {
+                    name: name.clone(),
+                    measured: own.iter().map(point).collect(),
+                    fitted: Vec::new(),
+                },
+            }
+        };
+        all.into_iter().filter(is_known).map(curve).collect()
     };
-    files.name.0.iter().enumerate().map(figure).collect()
+    files.name.0.iter().enumerate().flat_map(figures).collect()
 }
 
 /// Reads the figures of an artifact.

@@ -142,6 +142,15 @@ impl Scene {
         self.with_voltages(self.drive.voltages.with_largest(voltage))
     }
 
+    /// Returns the scene with the voltages of a table in the course of time, in which the groups of electrodes keep their
+    /// proportions.
+    #[must_use]
+    pub fn with_table(&self, table: Waveform) -> Self {
+        let mut scene = self.at_voltage(table.table_voltage_v().unwrap_or_default());
+        scene.drive.waveform = Some(table);
+        scene
+    }
+
     /// Returns the scene at other voltages, without states.
     #[must_use]
     pub fn with_voltages(&self, voltages: Voltages) -> Self {

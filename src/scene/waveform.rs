@@ -255,6 +255,27 @@ impl Waveform {
         }
     }
 
+    /// Returns a table of times in s and voltages in V.
+    ///
+    /// # Errors
+    /// When there are fewer than two rows, times decrease or are negative, or a number is out of range, with the reason.
+    pub fn of_table(rows: &[[f64; 2]]) -> Result<Self, String> {
+        let row = |(at, row): (usize, &[f64; 2])| {
+            let name = format!("row {}", at + 1);
+            let [Some(time), Some(voltage)] = row.map(Decimal::from_f64) else {
+                return Err(format!("{name}: a number is not finite"));
+            };
+            Ok(([time, voltage], name))
+        };
+        let rows = rows.iter().enumerate().map(row).collect::<Result<_, String>>()?;
+        Ok(Self {
+            table: Some(Table::of_rows(rows)?),
+            step: None,
+            ramp: None,
+            sine: None,
+        })
+    }
+
     /// Returns the largest voltage of a table in V.
     #[must_use]
     pub fn table_voltage_v(&self) -> Option<f64> {

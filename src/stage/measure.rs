@@ -7,7 +7,7 @@ use std::path::Path;
 
 use super::files::NamedFile;
 use super::measured::curve::Noise;
-use super::measured::{MeasuredFile, MeasuredTable, named_notes};
+use super::measured::{MeasuredFile, MeasuredTable, Measurement, named_notes};
 use super::results::named;
 use deaflow_base::{Canonical, Declared, DigestWriter, Fields, InputError, Node, parameters};
 use deaflow_content::Measurements;
@@ -121,7 +121,12 @@ impl MeasureStage {
                     rows.sigma[row],
                 ];
                 let vectors = rows.position[row].iter().chain(&rows.displacement[row]);
-                for number in numbers.iter().chain(vectors) {
+                let response = [&rows.frequency, &rows.phase]
+                    .into_iter()
+                    .flatten()
+                    .map(|all| &all[row]);
+                let response = response.filter(|_| files.test[at] == Measurement::FrequencyResponse.name());
+                for number in numbers.iter().chain(vectors).chain(response) {
                     digest.bytes(&number.to_le_bytes());
                 }
             }

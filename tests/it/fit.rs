@@ -269,7 +269,7 @@ fn with_device() -> Workspace {
         let mut field = "x_mm,y_mm,ux_um,uy_um\n".to_owned();
         for (number, pair) in rows.chunks_exact(2).enumerate() {
             let noise = |c: usize| 5.0 * 2.0_f64.sqrt() * (2.3 * ((2 * number + c + 1) as f64).powi(2)).sin();
-            let seen = [0, 1].map(|c: usize| 1e3 * pair[c][9].parse::<f64>().unwrap() + noise(c));
+            let seen = [0, 1].map(|c: usize| 1e3 * pair[c][10].parse::<f64>().unwrap() + noise(c));
             field += &format!("{},{},{},{}\n", pair[0][2], pair[0][3], seen[0], seen[1]);
         }
         workspace.write(&format!("dic-{kilovolts}.csv"), &field);

@@ -178,3 +178,88 @@ fn what_cannot_be_read_is_refused_with_the_reason() {
     // Nothing is drawn if a file cannot be read.
     assert!(!workspace.path("read.png").exists());
 }
+
+/// Motions of a device that are simulated by `compare` are read by a pipeline, and agree with it.
+#[test]
+fn motions_of_a_device_are_read_stored_and_compared() {
+    let workspace = with_files();
+    let effects = "effects: { inertia: { density: 960 kg/m3 }, viscoelasticity: { branches: [ { modulus: 20 kPa, time: 0.1 s } ] } }";
+    workspace.write("device.yaml", &DEVICE.replace("effects: {}", effects));
+    let point = "pattern: half.csv, point: [25 mm, 25 mm], direction: 0 deg";
+    let entries = format!(
+        "
+    - {{ file: motion.csv, test: time-displacement, {point} }}
+    - {{ file: response.csv, test: frequency-response, {point}, alternating: 50 V, sigma: 2 % }}
+"
+    );
+    workspace.write("motions.yaml", &format!("files:{entries}"));
+    workspace.write(
+        "motion.csv",
+        "time_s,voltage_kV,displacement_mm\n0,0,0\n0.1,3,0\n0.4,3,0\n",
+    );
+    workspace.write(
+        "response.csv",
+        "frequency_Hz,amplitude_um,phase_deg\n1,1,1\n10,1,1\n40,1,1\n",
+    );
+    let mesh = ["--elements-per-cell", "1"];
+    let ended = workspace.run(
+        &[
+            &["compare", "device.yaml", "motions.yaml", "-o", "truth.csv"],
+            &mesh[..],
+        ]
+        .concat(),
+    );
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let table = std::fs::read_to_string(workspace.path("truth.csv")).unwrap();
+    let rows: Vec<Vec<&str>> = table.lines().skip(1).map(|line| line.split(',').collect()).collect();
+    let of = |component: &str| -> Vec<f64> {
+        let own = rows.iter().filter(|row| row[8] == component);
+        own.map(|row| row[10].parse().unwrap()).collect()
+    };
+    let (u, amplitude, phase) = (of("u"), of("amplitude"), of("phase"));
+    assert!(u.len() == 3 && u[2] > 0.05 && amplitude[0] > 1e-4, "{table}");
+    let phase: Vec<f64> = phase
+        .iter()
+        .map(|phase| (phase + 180.0).rem_euclid(360.0) - 180.0)
+        .collect();
+    workspace.write(
+        "motion.csv",
+        &format!(
+            "time_s,voltage_kV,displacement_mm\n0,0,{}\n0.1,3,{}\n0.4,3,{}\n",
+            u[0], u[1], u[2]
+        ),
+    );
+    let rows = [1.0, 10.0, 40.0].into_iter().zip(amplitude.iter().zip(&phase));
+    let rows = rows.map(|(frequency, (mm, deg))| format!("{frequency},{},{deg}\n", 1e3 * mm));
+    workspace.write(
+        "response.csv",
+        &format!("frequency_Hz,amplitude_um,phase_deg\n{}", rows.collect::<String>()),
+    );
+    workspace.write(
+        "motions-pipeline.yaml",
+        &format!(
+            "version: 1
+name: motions
+scene: device.yaml
+stages:
+  seen:
+    kind: measure
+    files:{entries}
+  beside: {{ kind: compare, needs: [seen], elements_per_cell: 1 }}
+"
+        ),
+    );
+    let ended = workspace.run(&["run", "motions-pipeline.yaml", "--json"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let run = ended.json();
+    let files = run["comparisons"][0]["files"].as_array().unwrap();
+    let names: Vec<&str> = files.iter().map(|file| file["file"].as_str().unwrap()).collect();
+    assert_eq!(names, ["motion.csv", "response.csv", "response.csv, phase"]);
+    for (file, size) in files.iter().zip([u[2], amplitude[0], 180.0]) {
+        assert!(file["rms"].as_f64().unwrap() < 1e-9 * size, "{file}");
+    }
+    let ended = workspace.run(&["report", "motions-pipeline.yaml", "-o", "report"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let page = std::fs::read_to_string(workspace.path("report/index.html")).unwrap();
+    assert!(page.contains("frequency, Hz") && page.contains("phase, deg"));
+}

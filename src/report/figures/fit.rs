@@ -18,11 +18,16 @@ pub struct FittedCurve {
 /// # Errors
 /// If there is no point, or a number is not finite.
 pub fn fit_sheet(title: &str, labels: [&str; 2], curves: &[FittedCurve]) -> Result<Sheet, FigureError> {
-    Ok(Sheet::charts(1, &[chart(title, labels, curves)?]))
+    Ok(Sheet::charts(1, &[chart(title, labels, [false; 2], curves)?]))
 }
 
-/// As [`fit_sheet`], without a sheet.
-pub(super) fn chart(title: &str, labels: [&str; 2], curves: &[FittedCurve]) -> Result<Chart, FigureError> {
+/// As [`fit_sheet`], without a sheet, with axes that may be logarithmic.
+pub(super) fn chart(
+    title: &str,
+    labels: [&str; 2],
+    logarithmic: [bool; 2],
+    curves: &[FittedCurve],
+) -> Result<Chart, FigureError> {
     let points = || {
         curves
             .iter()
@@ -38,6 +43,10 @@ pub(super) fn chart(title: &str, labels: [&str; 2], curves: &[FittedCurve]) -> R
             Series::new("", colour, Mark::Line, curve.fitted.clone()),
         ]
     });
-    let axes = [Axis::between(labels[0], &across), Axis::between(labels[1], &up)];
+    let axis = |at: usize, values: &[f64]| match logarithmic[at] {
+        true => Axis::logarithmic(labels[at], values),
+        false => Axis::between(labels[at], values),
+    };
+    let axes = [axis(0, &across), axis(1, &up)];
     Ok(Chart::new(title, axes, series.collect()).with_size(LARGE))
 }

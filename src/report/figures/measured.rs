@@ -11,6 +11,8 @@ pub enum MeasuredFigure {
     Curve {
         /// The labels of both axes.
         labels: [String; 2],
+        /// Whether each axis is logarithmic.
+        logarithmic: [bool; 2],
         /// The points and the simulated curve.
         curve: FittedCurve,
     },
@@ -57,12 +59,21 @@ pub fn measured_charts(figures: &[MeasuredFigure]) -> Result<Vec<Chart>, FigureE
 
 fn of_figure(figure: &MeasuredFigure) -> Result<Chart, FigureError> {
     match figure {
-        MeasuredFigure::Curve { labels, curve } => {
+        MeasuredFigure::Curve {
+            labels,
+            logarithmic,
+            curve,
+        } => {
             let named = FittedCurve {
                 name: "measured".to_owned(),
                 ..curve.clone()
             };
-            chart(&curve.name, labels.each_ref().map(String::as_str), &[named])
+            chart(
+                &curve.name,
+                labels.each_ref().map(String::as_str),
+                *logarithmic,
+                &[named],
+            )
         }
         MeasuredFigure::Map {
             name,

@@ -11,6 +11,7 @@ pub const STRESS: Units<'static> = &[("Pa", 1.0), ("kPa", 1e3), ("MPa", 1e6), ("
 /// Units of length, in mm.
 pub const LENGTH: Units<'static> = &[
     ("mm", 1.0),
+    ("nm", 1e-6),
     ("um", 1e-3),
     ("µm", 1e-3),
     ("μm", 1e-3),
@@ -23,6 +24,12 @@ pub const VOLTAGE: Units<'static> = &[("V", 1.0), ("kV", 1e3), ("MV", 1e6)];
 
 /// Units of time, in s.
 pub const TIME: Units<'static> = &[("s", 1.0), ("ms", 1e-3), ("min", 60.0), ("h", 3600.0)];
+
+/// Units of frequency, in Hz.
+pub const FREQUENCY: Units<'static> = &[("Hz", 1.0), ("kHz", 1e3), ("MHz", 1e6), ("mHz", 1e-3)];
+
+/// Units of phase, in degrees.
+pub const PHASE: Units<'static> = &[("deg", 1.0), ("°", 1.0), ("rad", 180.0 / std::f64::consts::PI)];
 
 /// A column and the factor that converts its numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,9 @@
 //! Measured beside simulated numbers, without a fit.
 
 use super::device::Device;
-use super::joint::{Data, FINEST, MeasuredSet};
+use super::dynamic::{DynamicSet, Motions};
+use super::joint::FINEST;
+use super::set::{Data, MeasuredSet};
 use deaflow_base::InputError;
 use deaflow_content::Quantities;
 use deaflow_fem::screening::resolve;
@@ -130,7 +132,7 @@ pub fn compare_all(
 ) -> Result<(Vec<Compared>, Mesh), InputError> {
     let on = |mesh: Mesh| -> Result<Vec<Compared>, InputError> {
         let device = device.on(mesh);
-        sets.iter().map(|set| compare(&device, set, values)).collect()
+        of_sets(&device, sets, values)
     };
     let mut mesh = device.options().mesh;
     let mut compared = on(mesh)?;
@@ -149,7 +151,40 @@ pub fn compare_all(
     Ok((compared, mesh))
 }
 
-/// Simulates the measured numbers of a set with values of the free parameters.
+/// Compares all sets; a frequency response gives one comparison for amplitudes and one for phases.
+fn of_sets(device: &Device, sets: &[MeasuredSet], values: &[f64]) -> Result<Vec<Compared>, InputError> {
+    let each = sets.iter().map(|set| match &set.data {
+        Data::Dynamic(own) => motions(device, set, own, values),
+        _ => compare(device, set, values).map(|one| vec![one]),
+    });
+    let all: Vec<Vec<Compared>> = each.collect::<Result<_, _>>()?;
+    Ok(all.into_iter().flatten().collect())
+}
+
+/// Compares the motion of a point.
+fn motions(device: &Device, set: &MeasuredSet, own: &DynamicSet, values: &[f64]) -> Result<Vec<Compared>, InputError> {
+    let refused = |why: String| InputError::new(format!("{}: {why}", set.name));
+    let one = |found: Motions<'_>| {
+        if let (true, Some(Err(why))) = (found.simulated.iter().all(Result::is_err), found.simulated.first()) {
+            return Err(refused(format!("no state {why}")));
+        }
+        let name = match found.quantities {
+            Quantities::FrequencyPhase => format!("{}, phase", set.name),
+            _ => set.name.clone(),
+        };
+        let simulated = found.simulated.into_iter().map(Result::ok).collect();
+        let numbers = (found.at, found.measured, simulated);
+        Ok(Compared::series(&name, found.quantities, numbers, &found.sigma))
+    };
+    own.motions(device, values)
+        .map_err(refused)?
+        .into_iter()
+        .map(one)
+        .collect()
+}
+
+/// Simulates the measured numbers of a set with values of the free parameters; a motion gives the first of its
+/// comparisons.
 ///
 /// # Errors
 /// When there is no stable equilibrium, or the law has no stress at a stretch.
@@ -172,6 +207,10 @@ pub fn compare(device: &Device, set: &MeasuredSet, values: &[f64]) -> Result<Com
         ))
     };
     match &set.data {
+        Data::Dynamic(own) => {
+            let mut all = motions(device, set, own, values)?;
+            Ok(all.swap_remove(0))
+        }
         Data::Field(own) => {
             let simulated = set.simulate(device, values);
             let simulated = simulated.map_err(|why| refused(format!("no equilibrium {why}")))?;
@@ -271,8 +310,7 @@ pub fn with_neglected_effects(
     let keys: Vec<String> = device.keys().iter().map(|key| key.path.clone()).collect();
     let agreements = |effects: Effects| -> Result<Vec<Agreement>, InputError> {
         let device = Device::new(&scene.with_effects(effects), &keys, device.options())?;
-        let each = sets.iter().map(|set| compare(&device, set, values));
-        let found: Vec<Compared> = each.collect::<Result<_, _>>()?;
+        let found = of_sets(&device, sets, values)?;
         // Agreements over other rows say nothing about the effect.
         let mut pairs = found.iter().zip(compared);
         match pairs.find(|(own, other)| own.without_equilibrium != other.without_equilibrium) {

@@ -110,6 +110,15 @@ impl Device {
         self.keys.iter().map(|key| key.start).collect()
     }
 
+    /// Returns the voltage in V that is added to all voltages; 0 if it is not free.
+    #[must_use]
+    pub fn voltage_offset(&self, values: &[f64]) -> f64 {
+        let mut pairs = self.keys.iter().zip(values);
+        pairs
+            .find(|(key, _)| key.path == VOLTAGE_OFFSET)
+            .map_or(0.0, |(_, value)| *value)
+    }
+
     /// Returns the same device on another mesh.
     #[must_use]
     pub fn on(&self, mesh: Mesh) -> Self {

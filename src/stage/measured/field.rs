@@ -141,21 +141,38 @@ pub fn read_series(path: &Path, file: &MeasuredFile) -> Result<(Series, bool), I
     if voltages_v.is_empty() {
         return Err(refused("the file has no rows"));
     }
-    let noise = match (sigma, &file.sigma) {
-        (Some(_), _) => Sigma::Stated(sigmas),
-        (None, None) => Sigma::UnstatedAbsolute,
-        (None, Some(noise)) => match (noise.share(), length(noise)) {
-            (Some(share), _) => Sigma::StatedFraction(share),
-            (None, Some(mm)) => Sigma::Stated(vec![mm; voltages_v.len()]),
-            (None, None) => return Err(refused("the standard deviation is a share or a length")),
-        },
-    };
+    let noise = sigma_of_lengths(path, file, sigma.map(|_| sigmas), voltages_v.len())?;
     let series = Series {
         voltages_v,
         displacements_mm,
         sigma: noise,
     };
     Ok((series, sigma.is_some()))
+}
+
+/// Returns the noise of measured lengths, from a column or from the entry of the file.
+///
+/// # Errors
+/// When the entry states neither a share nor a length.
+pub(super) fn sigma_of_lengths(
+    path: &Path,
+    file: &MeasuredFile,
+    column: Option<Vec<f64>>,
+    rows: usize,
+) -> Result<Sigma, InputError> {
+    match (column, &file.sigma) {
+        (Some(sigmas), _) => Ok(Sigma::Stated(sigmas)),
+        (None, None) => Ok(Sigma::UnstatedAbsolute),
+        (None, Some(noise)) => match (noise.share(), length(noise)) {
+            (Some(share), _) => Ok(Sigma::StatedFraction(share)),
+            (None, Some(mm)) => Ok(Sigma::Stated(vec![mm; rows])),
+            (None, None) => Err(InputError::new(format!(
+                "{}: the standard deviation is a share or a length",
+                path.display()
+            ))
+            .help("write it as in `sigma: 3 %` or `sigma: 0.01 mm`")),
+        },
+    }
 }
 
 /// A measured stretch of a sheet against the voltage in V, or the time in s.

@@ -33,6 +33,10 @@ words! {
         Field = "field",
         /// The displacement of a point of a device against the voltage.
         VoltageDisplacement = "voltage-displacement",
+        /// The displacement of a point of a device over time.
+        TimeDisplacement = "time-displacement",
+        /// Amplitude and phase of the displacement of a point of a device under a small alternating voltage.
+        FrequencyResponse = "frequency-response",
     }
 }
 
@@ -88,7 +92,12 @@ impl Measurement {
             Self::Uniaxial => Some(Test::Uniaxial),
             Self::Equibiaxial => Some(Test::Equibiaxial),
             Self::PureShear => Some(Test::PureShear),
-            Self::VoltageStretch | Self::Creep | Self::Field | Self::VoltageDisplacement => None,
+            Self::VoltageStretch
+            | Self::Creep
+            | Self::Field
+            | Self::VoltageDisplacement
+            | Self::TimeDisplacement
+            | Self::FrequencyResponse => None,
         }
     }
 }
@@ -203,7 +212,8 @@ parameters! {
     /// A file of measurements.
     pub struct MeasuredFile as "a measured file" {
         /// A table, relative to the file that names it. Its columns have units: stretch and nominal_stress_kPa; x_mm,
-        /// y_mm, ux_mm and uy_mm; voltage_kV and displacement_mm. A column sigma_… has standard deviations.
+        /// y_mm, ux_mm and uy_mm; voltage_kV or time_s, and displacement_mm; frequency_Hz and amplitude_mm. A column
+        /// sigma_… has standard deviations.
         file: FileName,
         /// What was measured.
         pub test: Measurement,
@@ -220,8 +230,12 @@ parameters! {
         pub force: Option<Force> [-1e9..=1e9],
         /// The undeformed width on which the force acts.
         pub width: Option<Length> [1e-6..=FARTHEST],
-        /// The voltage of a field, that of the scene if it is not given; or of creep, none if it is not given.
+        /// The voltage of a field, that of the scene if it is not given; or of creep, none if it is not given. Of a
+        /// displacement over time that of the waveform of the scene, and of a frequency response the voltage about which
+        /// the alternating one is.
         pub voltage: Option<Voltage> [0.0..=MOST_VOLTS],
+        /// The amplitude of the alternating voltage of a frequency response.
+        pub alternating: Option<Voltage> [1e-9..=MOST_VOLTS],
         /// The point of a device whose displacement was measured.
         pub point: Option<Position> [0.0..=FARTHEST],
         /// The direction in which its displacement was measured, from the x axis anticlockwise.
@@ -259,6 +273,8 @@ fn check_keys(file: &MeasuredFile, map: &Map<'_>) -> Result<(), InputError> {
             ],
         ),
         Measurement::VoltageDisplacement => (&["pattern", "point", "direction"], &[]),
+        Measurement::TimeDisplacement => (&["pattern", "point", "direction"], &["voltage"]),
+        Measurement::FrequencyResponse => (&["pattern", "point", "direction", "alternating"], &["voltage"]),
         Measurement::VoltageStretch => (&[], &["sheet", "load", "force", "width"]),
         Measurement::Creep => (&[], &["sheet", "load", "force", "width", "voltage"]),
     };

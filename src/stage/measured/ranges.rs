@@ -53,6 +53,19 @@ impl MeasuredTable {
                 ("uy", length, |row| row.displacement[1]),
             ],
             Quantities::VoltageDisplacement => vec![voltage, along],
+            Quantities::TimeDisplacement => {
+                let is_measured = matches!(&self.rows, Rows::Motion(history) if history.voltages_v.is_some());
+                let all = [Some(time), is_measured.then_some(voltage), Some(along)];
+                all.into_iter().flatten().collect()
+            }
+            Quantities::FrequencyAmplitude | Quantities::FrequencyPhase => {
+                let is_measured = matches!(&self.rows, Rows::Response(response) if response.phases_deg.is_some());
+                let phase: (&str, Dimension, Number) = ("phase", Dimension::Angle, |row| row.phase);
+                let frequency: (&str, Dimension, Number) = ("frequency", Dimension::Frequency, |row| row.frequency);
+                let amplitude: (&str, Dimension, Number) = ("amplitude", length, |row| row.displacement[0]);
+                let all = [Some(frequency), Some(amplitude), is_measured.then_some(phase)];
+                all.into_iter().flatten().collect()
+            }
             Quantities::VoltageStretch => vec![voltage, stretch],
             Quantities::TimeStretch => vec![time, stretch],
             Quantities::StretchStress => vec![stretch, stress],

@@ -3,6 +3,7 @@
 use super::curve::history;
 use super::field::{Field, Series, SheetTable};
 use super::file::Measurement;
+use super::motion::{History, Response};
 use super::table::{ABSOLUTE, MeasuredTable, RELATIVE, Rows, SHARE, STATED};
 use deaflow_content::{LongTexts, MeasuredFiles, MeasuredRows, Measurements};
 use deaflow_fit::{Curve, Sigma};
@@ -15,6 +16,8 @@ impl MeasuredTable {
     pub fn content(tables: &[Self]) -> Result<Measurements, serde_json::Error> {
         let (mut files, mut rows, mut patterns) = (MeasuredFiles::default(), MeasuredRows::default(), Vec::new());
         let (mut names, mut settings) = (Vec::new(), Vec::new());
+        let has_response = tables.iter().any(|table| matches!(table.rows, Rows::Response(_)));
+        let [mut frequency, mut phase] = [(); 2].map(|()| has_response.then(Vec::new));
         for (at, table) in tables.iter().enumerate() {
             let (noise, share, sigma) = table.noise();
             names.push(table.name.clone());
@@ -36,11 +39,14 @@ impl MeasuredTable {
                 rows.stress.push(row.stress);
                 rows.position.push(row.position);
                 rows.displacement.push(row.displacement);
+                frequency.iter_mut().for_each(|all| all.push(row.frequency));
+                phase.iter_mut().for_each(|all| all.push(row.phase));
                 let sigma = sigma.and_then(|sigma| sigma.get(row.number - 1)).copied();
                 rows.sigma
                     .push(sigma.filter(|sigma| sigma.is_finite()).unwrap_or_default());
             }
         }
+        (rows.frequency, rows.phase) = (frequency, phase);
         files.name = LongTexts(names);
         files.settings = LongTexts(settings);
         Ok(Measurements {
@@ -73,7 +79,7 @@ impl MeasuredTable {
                 ABSOLUTE => Sigma::UnstatedAbsolute,
                 _ => return Err(wrong("its noise is unknown")),
             };
-            let column = |of: &[f64]| own.iter().map(|row| of[*row]).collect::<Vec<f64>>();
+            let column = |of: &[f64]| own.iter().filter_map(|row| of.get(*row)).copied().collect::<Vec<f64>>();
             let pattern = match files.pattern[at] {
                 0 => None,
                 number => {
@@ -118,6 +124,7 @@ impl Numbers<'_> {
             noise,
             column,
         } = self;
+        let along = own.iter().map(|row| rows.displacement[*row][0]).collect();
         match (test, test.of_specimen()) {
             (_, Some(how)) => {
                 let times = column(&rows.time);
@@ -137,9 +144,28 @@ impl Numbers<'_> {
             (Measurement::Field, None) => Rows::Field(field(own, rows, &noise)),
             (Measurement::VoltageDisplacement, None) => Rows::Series(Series {
                 voltages_v: column(&rows.voltage),
-                displacements_mm: own.iter().map(|row| rows.displacement[*row][0]).collect(),
+                displacements_mm: along,
                 sigma: noise,
             }),
+            (Measurement::TimeDisplacement, None) => {
+                let voltages = column(&rows.voltage);
+                Rows::Motion(History {
+                    times_s: column(&rows.time),
+                    // A measured history has a voltage.
+                    voltages_v: voltages.iter().any(|voltage| *voltage != 0.0).then_some(voltages),
+                    displacements_mm: along,
+                    sigma: noise,
+                })
+            }
+            (Measurement::FrequencyResponse, None) => {
+                let phases = column(rows.phase.as_deref().unwrap_or_default());
+                Rows::Response(Response {
+                    frequencies_hz: column(rows.frequency.as_deref().unwrap_or_default()),
+                    amplitudes_mm: along,
+                    phases_deg: phases.iter().any(|phase| *phase != 0.0).then_some(phases),
+                    sigma: noise,
+                })
+            }
             (Measurement::Creep, None) => Rows::Sheet(SheetTable {
                 at: column(&rows.time),
                 stretch: column(&rows.stretch),

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::curve::{self, Measured};
 use super::field::{Field, Series, SheetTable, read_field, read_series, read_sheet};
 use super::file::{MeasuredFile, Measurement, Sheet, path_of};
+use super::motion::{History, Response, read_history, read_response};
 use crate::direct;
 use deaflow_base::{InputError, Node, words};
 use deaflow_fit::{Curve, HistoryCurve, Load, Sigma, Test};
@@ -65,6 +66,10 @@ pub enum Rows {
     Field(Field),
     /// The displacement of a point of a device against the voltage.
     Series(Series),
+    /// The displacement of a point of a device over time.
+    Motion(History),
+    /// The response of a point of a device to a small alternating voltage.
+    Response(Response),
 }
 
 /// What is known about a file besides its numbers.
@@ -83,9 +88,12 @@ pub struct Settings {
     /// The undeformed width on which it acts.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     width_mm: Option<f64>,
-    /// The voltage of a field or of creep.
+    /// The voltage of a field, of creep or of a waveform, or the bias of a frequency response.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub voltage_v: Option<f64>,
+    /// The amplitude of the alternating voltage of a frequency response.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub alternating_v: Option<f64>,
     /// The point of a device whose displacement was measured.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub point_mm: Option<[f64; 2]>,
@@ -106,10 +114,18 @@ impl Settings {
             force_n: file.force.map(|force| force.value()),
             width_mm: file.width.map(|width| width.value()),
             voltage_v: file.voltage.map(|voltage| voltage.value()),
+            alternating_v: file.alternating.map(|voltage| voltage.value()),
             point_mm: file.point.map(|point| point.map(|at| at.value())),
             direction_deg: file.direction.map(|direction| direction.value()),
             correlated_within_mm: file.correlated_within.map(|within| within.value()),
         }
+    }
+
+    /// Returns the direction in which the displacement of a point was measured; along x if it is not given.
+    #[must_use]
+    pub fn direction(&self) -> [f64; 2] {
+        let radians = self.direction_deg.unwrap_or(0.0).to_radians();
+        [radians.cos(), radians.sin()]
     }
 
     /// Returns how a sheet stretches.
@@ -158,6 +174,8 @@ impl MeasuredTable {
             Measurement::VoltageStretch | Measurement::Creep => with_rows(read_sheet(&path, file)?, Rows::Sheet),
             Measurement::Field => with_rows(read_field(&path, file)?, Rows::Field),
             Measurement::VoltageDisplacement => with_rows(read_series(&path, file)?, Rows::Series),
+            Measurement::TimeDisplacement => with_rows(read_history(&path, file)?, Rows::Motion),
+            Measurement::FrequencyResponse => with_rows(read_response(&path, file)?, Rows::Response),
         };
         let is_usual = of_specimen.is_some() && matches!(usual, curve::Noise::Share(_) | curve::Noise::Stress(_));
         let sigma_source = match (has_column, &file.sigma) {
@@ -208,7 +226,7 @@ impl MeasuredTable {
         if let Some(number) = lost {
             return Err(refused(format!("row {number}: a number is not finite")));
         }
-        let has_stretch = !matches!(self.rows, Rows::Series(_));
+        let has_stretch = matches!(self.rows, Rows::Curve(_) | Rows::History(_) | Rows::Sheet(_));
         if let Some(row) = rows.iter().find(|row| has_stretch && row.stretch <= 0.0) {
             let (number, stretch) = (row.number, row.stretch);
             return Err(refused(format!("row {number}: the stretch {stretch} is not positive")));
@@ -236,6 +254,8 @@ impl MeasuredTable {
             Rows::Sheet(table) => table.at.len(),
             Rows::Series(series) => series.voltages_v.len(),
             Rows::Field(field) => field.points_mm.len(),
+            Rows::Motion(history) => history.times_s.len(),
+            Rows::Response(response) => response.frequencies_hz.len(),
         }
     }
 
@@ -265,7 +285,7 @@ impl MeasuredTable {
         match &self.rows {
             Rows::Curve(curve) => Some(Measured::Curve(curve.clone())),
             Rows::History(curve) => Some(Measured::History(curve.clone())),
-            Rows::Sheet(_) | Rows::Field(_) | Rows::Series(_) => None,
+            Rows::Sheet(_) | Rows::Field(_) | Rows::Series(_) | Rows::Motion(_) | Rows::Response(_) => None,
         }
     }
 }
@@ -309,6 +329,8 @@ pub(super) struct Row {
     pub stress: f64,
     pub position: [f64; 2],
     pub displacement: [f64; 2],
+    pub frequency: f64,
+    pub phase: f64,
 }
 
 impl MeasuredTable {
@@ -354,6 +376,29 @@ impl MeasuredTable {
                 displacement: [u, 0.0],
                 ..Row::default()
             }),
+            Rows::Motion(history) => {
+                let mut rows = pairs(&history.times_s, &history.displacements_mm, &|time, u| Row {
+                    time,
+                    displacement: [u, 0.0],
+                    ..Row::default()
+                });
+                for (row, voltage) in rows.iter_mut().zip(history.voltages_v.iter().flatten()) {
+                    row.voltage = *voltage;
+                }
+                rows
+            }
+            Rows::Response(response) => {
+                let pair = &|frequency, amplitude| Row {
+                    frequency,
+                    displacement: [amplitude, 0.0],
+                    ..Row::default()
+                };
+                let mut rows = pairs(&response.frequencies_hz, &response.amplitudes_mm, pair);
+                for (row, phase) in rows.iter_mut().zip(response.phases_deg.iter().flatten()) {
+                    row.phase = *phase;
+                }
+                rows
+            }
             Rows::Field(field) => {
                 let pairs = field.points_mm.iter().zip(&field.displacements_mm);
                 let row = |(position, displacement): (&[f64; 2], &[f64; 2])| Row {
@@ -369,7 +414,7 @@ impl MeasuredTable {
             .enumerate()
             .map(|(at, row)| Row { number: at + 1, ..row });
         let is_finite = |row: &Row| {
-            let numbers = [row.time, row.voltage, row.stretch, row.stress];
+            let numbers = [row.time, row.voltage, row.stretch, row.stress, row.frequency, row.phase];
             let all = numbers.iter().chain(&row.position).chain(&row.displacement);
             all.into_iter().all(|number| number.is_finite())
         };
@@ -383,6 +428,8 @@ impl MeasuredTable {
             Rows::History(curve) => &curve.sigma,
             Rows::Sheet(table) => &table.sigma,
             Rows::Series(series) => &series.sigma,
+            Rows::Motion(history) => &history.sigma,
+            Rows::Response(response) => &response.sigma,
             Rows::Field(field) => {
                 return match &field.sigma_mm {
                     Some(sigma) => (STATED, 0.0, Some(sigma)),

@@ -1,4 +1,5 @@
 mod lists;
+mod motions;
 
 use std::fmt::Write as _;
 use std::path::Path;
