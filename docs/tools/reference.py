@@ -20,17 +20,20 @@ required (**!**) or optional. A mapping that occurs twice is listed once, at its
 SWEEPS = ("foreach", "gather")
 
 
-def plain(schema):
-    """Removes the axes of sweeps, which can replace any value."""
+def plain(schema, definitions):
+    """Removes the axes of sweeps, which can replace any value, and writes out the sides of a membrane."""
     if isinstance(schema, list):
-        return [plain(item) for item in schema]
+        return [plain(item, definitions) for item in schema]
     if not isinstance(schema, dict):
         return schema
     choices = schema.get("anyOf", [])
     if {"$ref": "#/$defs/axis"} in choices:
         hoisted = {key: value for key, value in schema.items() if key != "anyOf"}
-        return plain({**choices[0], **hoisted})
-    return {key: plain(value) for key, value in schema.items()}
+        return plain({**choices[0], **hoisted}, definitions)
+    if schema.get("$ref") == "#/$defs/side":
+        own = {key: value for key, value in schema.items() if key != "$ref"}
+        return plain({**definitions["side"], **own}, definitions)
+    return {key: plain(value, definitions) for key, value in schema.items()}
 
 
 def sentence(schema):
@@ -164,11 +167,12 @@ def sweeps(definitions):
 
 
 def main():
-    schema = plain(json.load(sys.stdin))
+    schema = json.load(sys.stdin)
+    schema = plain(schema, schema["$defs"])
     kinds = schema["$defs"]
     order = ["sample", "solve", "balance", "train", "calibrate", "evaluate", "design", "verify", "accuracy", "audit",
              "measure", "fit", "compare"]
-    order += [kind for kind in kinds if kind not in order and kind not in ("scene", "shape", "axis", *SWEEPS)]
+    order += [kind for kind in kinds if kind not in order and kind not in ("scene", "shape", "side", "axis", *SWEEPS)]
     parts = [HEAD.strip(), section("Scene", kinds["scene"]), sweeps(kinds)]
     parts += [section(f"kind: {kind}", kinds[kind]) for kind in order if kind in kinds]
     print("\n\n".join(parts))

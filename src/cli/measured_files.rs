@@ -7,7 +7,6 @@ use clap::Args;
 use super::CliError;
 use super::arguments::quantity;
 use deaflow_base::{Dimension, Node};
-use deaflow_fit::Test;
 use deaflow_stage::measured::curve::Noise;
 use deaflow_stage::measured::{MeasuredFile, Measurement};
 
@@ -33,7 +32,7 @@ pub struct MeasuredArguments {
 #[derive(Clone, Debug)]
 enum FileArgument {
     /// A file with its test.
-    Curve { test: Test, name: String },
+    Curve { test: Measurement, name: String },
     /// A list in YAML.
     List(PathBuf),
 }
@@ -53,7 +52,7 @@ fn measured_file(text: &str) -> Result<FileArgument, String> {
             )),
         };
     };
-    match Measurement::from_name(word).and_then(Measurement::of_specimen) {
+    match Measurement::from_name(word).filter(|test| test.of_specimen().is_some()) {
         Some(test) => Ok(FileArgument::Curve {
             test,
             name: name.to_owned(),

@@ -10,6 +10,7 @@ use super::leads::Leads;
 use super::library::{self, refuse_file, splice_material};
 use super::model::{Material, SECTIONS, Scene, VACUUM_PERMITTIVITY, WHAT};
 use super::shape::Shape;
+use super::sides::SideSupport;
 use super::waveform::Waveform;
 use deaflow_base::{Declared, Document, Fields, InputError, Map, Node, NodeValue, Parameter, Schema};
 
@@ -148,7 +149,8 @@ impl Scene {
             .optional("leads", Leads::schema(&()))
             .optional("effects", effects.default(serde_json::json!({})))
             .optional("properties", Properties::schema(&()));
-        Schema::from(scene).define(Shape::DEFINITION, Shape::fields().into())
+        let shapes = Schema::from(scene).define(Shape::DEFINITION, Shape::fields().into());
+        shapes.define(SideSupport::DEFINITION, SideSupport::definition())
     }
 
     /// Returns what excludes electrodes with a resistance in this scene with these effects.

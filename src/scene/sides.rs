@@ -118,6 +118,14 @@ pub enum SideSupport {
 }
 
 impl SideSupport {
+    /// The name of its definition in schemas.
+    pub(super) const DEFINITION: &'static str = "side";
+
+    /// Returns the definition in schemas.
+    pub(super) fn definition() -> Schema {
+        Schema::any_of([Plain::schema(&()), Loaded::schema(&())])
+    }
+
     /// Returns the components of the displacement, along x and y, that a side keeps at zero.
     #[must_use]
     pub fn holds(&self, edge: Edge) -> [bool; 2] {
@@ -220,7 +228,7 @@ impl Parameter for SideSupport {
     }
 
     fn schema((): &()) -> Schema {
-        Schema::any_of([Plain::schema(&()), Loaded::schema(&())])
+        Schema::reference(Self::DEFINITION)
     }
 
     fn literal(literal: Self) -> Self {

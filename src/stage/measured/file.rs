@@ -306,7 +306,7 @@ impl MeasuredFile {
     ///
     /// # Errors
     /// When its name cannot be written in YAML.
-    pub fn curve(name: &str, test: Test) -> Result<(Self, Node), InputError> {
+    pub fn curve(name: &str, test: Measurement) -> Result<(Self, Node), InputError> {
         let quoted = serde_json::Value::from(name).to_string();
         let text = format!("{{ file: {quoted}, test: {} }}", test.name());
         let node = Document::from_text(Path::new(""), &text)?.root;

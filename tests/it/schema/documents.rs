@@ -151,7 +151,9 @@ const DEVICE: &str = "
 version: 1
 name: device
 scene:
-  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, bodies: [{ rectangle: [[20 mm, 20 mm], [30 mm, 30 mm]] }] }
+  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, bodies: [{ rectangle: [[20 mm, 20 mm], [30 mm, 30 mm]] }],
+    sides: { right: { bar: { load: [0.1 N, 0 N], at: 1 mm, spring: 2 N/m, moves: [x, y, turn] } },
+      left: { bar: { displacement: [0 mm, 0 mm] } }, top: free, bottom: { load: [0 N, 0.1 N] } } }
   material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
   states: { push: { voltages: [5 kV, 0 V] }, pull: { voltages: [0 V, 5 kV] } }
 stages:
@@ -163,7 +165,17 @@ stages:
       { name: five, objective: { points: [{ body: 0, direction: 0, weight: 2, state: push }, { body: 0, rotation: counterclockwise, state: pull },
         { point: [10, 10], direction: 0, weight: 2, state: pull }] } },
       { name: six, objective: { points: [{ body: 0, translation: [0.1, 0.2], state: push }, { point: [10, 10], displacement: [0.1, 0.2], state: pull }] } },
-      { name: seven, objective: { point: [10, 10], direction: 0, state: pull } }] }
+      { name: seven, objective: { point: [10, 10], direction: 0, state: pull } },
+      { name: eight, objective: { bar: right, direction: 0, weight: 2, state: push, value: 1 mm } },
+      { name: nine, objective: { bar: right, translation: [0.1 mm, 0.2 mm], state: push, measure: distance } },
+      { name: ten, objective: { bar: right, rotation: clockwise, state: pull } },
+      { name: eleven, objective: { points: [{ bar: right, direction: 0, weight: 2, state: push }, { bar: right, rotation: clockwise, state: pull }] } },
+      { name: twelve, objective: { points: [{ bar: right, translation: [0.1, 0.2], state: push }] } }] }
+  pulled: { kind: design, seed: 1, objective: { bar: right, direction: 0, weight: 2, state: push, value: 1 mm } }
+  hauled: { kind: design, seed: 1, objective: { bar: right, translation: [0.1 mm, 0.2 mm], state: push } }
+  swung: { kind: design, seed: 1, objective: { bar: right, rotation: clockwise, state: pull, measure: displacement } }
+  both: { kind: design, seed: 1, objective: { points: [{ bar: right, direction: 0, weight: 2, state: push }, { bar: right, rotation: clockwise, state: pull }] } }
+  far: { kind: design, seed: 1, objective: { points: [{ bar: right, translation: [0.1, 0.2], state: push }] } }
   alone: { kind: design, seed: 1, objective: { body: 0, direction: 0, weight: 2, state: push, value: 1 mm } }
   shifted: { kind: design, seed: 1, objective: { body: 0, translation: [0.1 mm, 0.2 mm], state: push } }
   turned: { kind: design, seed: 1, objective: { body: 0, rotation: clockwise, state: pull, measure: displacement } }
@@ -182,7 +194,8 @@ const CREEP: &str = "
 version: 1
 name: creep
 scene:
-  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, bodies: [{ rectangle: [[20 mm, 20 mm], [30 mm, 30 mm]] }] }
+  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, bodies: [{ rectangle: [[20 mm, 20 mm], [30 mm, 30 mm]] }],
+    sides: { right: { bar: {} }, top: free, bottom: free } }
   material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
   drive: { voltage: 5 kV }
   effects: { viscoelasticity: { law: linear, branches: [{ modulus: 20 kPa, time: 30 s }] } }
@@ -190,9 +203,11 @@ stages:
   several: { kind: design, seed: 1, targets: [{ name: one, objective: { point: [10, 10], direction: 0, time: 1 s } },
       { name: two, objective: { body: 0, direction: 0, time: 0 s } },
       { name: three, objective: { points: [{ point: [10, 10], direction: 0 }], time: 10 min } },
-      { name: four, objective: { field: pipelines/fields/pinch.csv, time: 1 h } }] }
+      { name: four, objective: { field: pipelines/fields/pinch.csv, time: 1 h } },
+      { name: five, objective: { bar: right, direction: 0, time: 0 s } }] }
   point: { kind: design, seed: 1, objective: { point: [10, 10], direction: 0, time: 1 s } }
   body: { kind: design, seed: 1, objective: { body: 0, direction: 0, time: 1 s } }
+  bar: { kind: design, seed: 1, objective: { bar: right, direction: 0, time: 1 s } }
   points: { kind: design, seed: 1, objective: { points: [{ point: [10, 10], direction: 0 }], time: 1 s } }
   field: { kind: design, seed: 1, objective: { field: pipelines/fields/pinch.csv, time: 1 s } }
 ";
