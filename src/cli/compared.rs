@@ -49,7 +49,7 @@ pub fn summary(compared: &[Compared]) -> Text {
             ));
         }
         if let Values::Field { result, .. } = &one.values {
-            let [x, y] = result.translation_mm.map(|at| four_significant(at));
+            let [x, y] = result.translation_mm.map(four_significant);
             let degrees = four_significant(result.rotation.to_degrees());
             text.line(format!("{}: motion of the camera {x}, {y} mm and {degrees}°", one.name));
         }

@@ -21,6 +21,8 @@ pub struct Boundary {
     /// For each free component of a node on the edge: its index, its component, the derivative of the area at rest with
     /// respect to it, and the dead load on it.
     nodes: Vec<EdgeNode>,
+    /// Dead loads with the indices of their components, also of those that a side holds.
+    loads: Vec<(usize, f64)>,
     /// Second derivatives of the area: a free component, another component, and the value.
     curvatures: Vec<(usize, usize, f64)>,
 }
@@ -113,6 +115,12 @@ impl Boundary {
         Self {
             rest: grid.rest(),
             nodes: indices.into_iter().map(node).collect(),
+            loads: load
+                .iter()
+                .copied()
+                .enumerate()
+                .filter(|(_, load)| *load != 0.0)
+                .collect(),
             curvatures,
         }
     }
@@ -121,7 +129,7 @@ impl Boundary {
     #[must_use]
     pub fn loads(&self, len: usize) -> Vec<f64> {
         let mut loads = vec![0.0; len];
-        self.nodes.iter().for_each(|node| loads[node.index] = node.load);
+        self.loads.iter().for_each(|(index, load)| loads[*index] = *load);
         loads
     }
 

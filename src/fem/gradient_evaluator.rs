@@ -96,7 +96,7 @@ impl Differentiable for GradientEvaluator {
         let start = self.solver.solve(base);
         let fields = self.solver.fields_near(&start, patterns).into_iter().zip(patterns);
         Ok(fields
-            .map(|(field, pattern)| Some(self.solver.from_rest(pattern, field?)))
+            .map(|(field, pattern)| Some(self.solver.counted_from_rest(pattern, field?)))
             .collect())
     }
 

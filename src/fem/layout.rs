@@ -198,7 +198,7 @@ impl NodeLayout {
     /// Returns the nodes (column, row) of a side, along it; sides are counted as in [`SIDES`].
     pub fn side_nodes(&self, side: usize) -> impl Iterator<Item = [usize; 2]> + use<> {
         let (axis, nodes) = (side / 2, self.nodes());
-        let across = if side % 2 == 0 { 0 } else { nodes[axis] - 1 };
+        let across = if side.is_multiple_of(2) { 0 } else { nodes[axis] - 1 };
         (0..nodes[1 - axis]).map(move |along| if axis == 0 { [across, along] } else { [along, across] })
     }
 }

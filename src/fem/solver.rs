@@ -215,16 +215,16 @@ impl MembraneSolver {
     /// held, from the mount otherwise.
     #[must_use]
     pub(super) fn stroke(&self, pattern: &Pattern, solution: &MeshSolution) -> Field {
-        self.from_rest(pattern, self.field(solution))
+        self.counted_from_rest(pattern, self.field(solution))
     }
 
     /// Like [`Self::stroke`], for a field.
-    pub(super) fn from_rest(&self, pattern: &Pattern, field: Field) -> Field {
+    pub(super) fn counted_from_rest(&self, pattern: &Pattern, field: Field) -> Field {
         let observation = Observation {
             rest: self.rest_of(pattern),
             ..Observation::default()
         };
-        observation.from_rest(&field)
+        observation.displacement_from_rest(&field)
     }
 
     /// Converts a solution of this pattern to the result of [`Simulator::simulate`].

@@ -56,7 +56,7 @@ pub struct Motion {
 impl Observation {
     /// Returns the displacement from rest: without voltage if not all sides are held, of the mount otherwise.
     #[must_use]
-    pub fn from_rest(&self, field: &Field) -> Field {
+    pub fn displacement_from_rest(&self, field: &Field) -> Field {
         let Some(rest) = &self.rest else {
             return field.clone();
         };

@@ -167,10 +167,12 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    /// Returns the displacement from rest, if there is one: see [`Observation::from_rest`].
+    /// Returns the displacement from rest, if there is one: see [`Observation::displacement_from_rest`].
     #[must_use]
     pub fn stroke(&self) -> Option<Field> {
-        self.field.as_ref().map(|field| self.observation.from_rest(field))
+        self.field
+            .as_ref()
+            .map(|field| self.observation.displacement_from_rest(field))
     }
 }
 

@@ -106,7 +106,7 @@ fn strips_with_bars_have_the_known_answers() {
     for (scene, [along, across], translation, rotation, corner) in cases {
         let pattern = cells_in(&scene, along, across);
         let (found, solution) = solved(&scene, Mesh::biquadratic(1), &pattern);
-        let motion = found.observation.bodies.unwrap()[0];
+        let motion = found.observation.bars.unwrap()[0];
         let error = (0..2)
             .map(|c| (motion.translation[c] - translation[c]).abs())
             .fold(0.0, f64::max);
@@ -184,7 +184,7 @@ fn the_prestretch_is_only_where_displacements_count_from_if_nothing_holds_it() {
         let scene = scene(&text, 5000.0);
         let pattern = cells_in(&scene, [0.2 * size[0], 0.8 * size[0]], [0.0, 10.0]);
         let (found, _) = solved(&scene, Mesh::biquadratic(1), &pattern);
-        let place = size[0] + found.observation.bodies.unwrap()[0].translation[0];
+        let place = size[0] + found.observation.bars.unwrap()[0].translation[0];
         let first = *known.get_or_insert(place);
         assert!((place - first).abs() < 1e-8, "{stretch}: {place} {first}");
     }
