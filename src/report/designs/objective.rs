@@ -3,8 +3,8 @@
 use std::fmt;
 use std::path::Path;
 
-use deaflow_base::{Dimension, Document, InputError, Node};
-use deaflow_scene::Scene;
+use deaflow_base::{Dimension, Document, InputError, Node, Parameter};
+use deaflow_scene::{Edge, Scene};
 
 /// An objective.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -28,6 +28,8 @@ pub struct TargetPoint {
     pub point: [f64; 2],
     /// The number of the body, if it is a body.
     pub body: Option<usize>,
+    /// The side of the membrane, if it is a bar.
+    pub bar: Option<Edge>,
     /// The target motion.
     pub motion: TargetMotion,
     /// The target displacement in mm along x and y; `None` if it is to be maximized or if the body is to rotate.
@@ -76,7 +78,7 @@ impl Objective {
     pub fn read(text: &str, scene: &Scene) -> Result<Self, InputError> {
         let document = Document::from_text(Path::new("objective"), text)?;
         let root = &document.root;
-        let targets = match (root.peek("points"), root.peek("point").or(root.peek("body"))) {
+        let targets = match (root.peek("points"), one_target(root)) {
             (Some(points), _) => points.list("points")?,
             (None, Some(_)) => std::slice::from_ref(root),
             (None, None) => &[],
@@ -160,9 +162,10 @@ impl Objective {
 impl TargetPoint {
     /// Describes the target of one point.
     fn description(&self) -> String {
-        let what = match self.body {
-            None => format!("({}, {}) mm", self.point[0], self.point[1]),
-            Some(body) => format!("body {body}"),
+        let what = match (self.body, self.bar) {
+            (Some(body), _) => format!("body {body}"),
+            (None, Some(bar)) => format!("the bar on the {} side", bar.name()),
+            (None, None) => format!("({}, {}) mm", self.point[0], self.point[1]),
         };
         let motion = match (&self.motion, self.by) {
             (TargetMotion::Along(_), Some([x, y])) => format!("by ({}, {}) mm", rounded(x), rounded(y)),
@@ -197,15 +200,21 @@ fn is_measured_as_distance(objective: &Node) -> bool {
         .is_some_and(|measure| measure.is_text(DISTANCE))
 }
 
+/// The key of an objective with one point, body or bar.
+fn one_target(root: &Node) -> Option<&Node> {
+    ["point", "body", "bar"].into_iter().find_map(|key| root.peek(key))
+}
+
 fn target_point(node: &Node, scene: &Scene) -> Result<TargetPoint, InputError> {
     let body = node
         .peek("body")
         .map(|body| body.integer("body", 0, u64::MAX))
         .transpose()?;
     let body = body.map(|body| body as usize);
+    let bar = node.peek("bar").map(|bar| Edge::read(bar, "bar", &())).transpose()?;
     Ok(TargetPoint {
-        point: match body {
-            Some(body) => {
+        point: match (body, bar) {
+            (Some(body), _) => {
                 let centroid = scene.centroid_of_body(body);
                 centroid.ok_or_else(|| {
                     node.error(format!(
@@ -213,9 +222,11 @@ fn target_point(node: &Node, scene: &Scene) -> Result<TargetPoint, InputError> {
                     ))
                 })?
             }
-            None => pair(node.peek("point").ok_or_else(|| missing(node, "point"))?, "point")?,
+            (None, Some(bar)) => bar.middle(scene.membrane().size_mm),
+            (None, None) => pair(node.peek("point").ok_or_else(|| missing(node, "point"))?, "point")?,
         },
         body,
+        bar,
         motion: motion(node)?,
         by: vector(node).map(|(key, vector)| pair(vector, key)).transpose()?,
         weight: text_of(node, "weight")?,
