@@ -54,6 +54,9 @@ pub fn four_digits(value: f64) -> String {
 /// infinite ones.
 #[must_use]
 pub fn four_significant(value: f64) -> String {
+    if value == f64::NEG_INFINITY {
+        return "−∞".to_owned();
+    }
     if value == 0.0 || !value.is_finite() {
         return without_negative_zero(&value.to_string()).replace("inf", "∞");
     }
