@@ -29,29 +29,18 @@ impl SideResults {
     pub fn of(scene: &Scene, solution: &Simulation) -> Option<Self> {
         let (sides, observation) = (scene.geometry.sides.as_ref()?, &solution.observation);
         let moved = solution.stroke()?;
-        let [columns, rows] = moved.raster().corner_sides();
+        let cells = moved.raster().sides();
         // The middle of a bar moves as the mean of its ends.
         let stroke = |edge: Edge| {
-            let ends = match edge {
-                Edge::Left => [[0, 0], [0, rows - 1]],
-                Edge::Right => [[columns - 1, 0], [columns - 1, rows - 1]],
-                Edge::Bottom => [[0, 0], [columns - 1, 0]],
-                Edge::Top => [[0, rows - 1], [columns - 1, rows - 1]],
-            };
-            let [a, b] = ends.map(|[x, y]| moved.at_corner(x, y));
+            let [a, b] = edge.ends(cells).map(|[x, y]| moved.at_corner(x, y));
             [0, 1].map(|c| 0.5 * (a[c] + b[c]))
         };
-        let edges = sides
-            .iter()
-            .filter(|(_, side)| side.bar().is_some())
-            .map(|(edge, _)| edge);
-        let bars = edges
-            .zip(observation.bars.iter().flatten())
-            .map(|(edge, motion)| BarResult {
-                edge,
-                motion: *motion,
-                stroke: stroke(edge),
-            });
+        let bars = sides.bars().zip(observation.bars.iter().flatten());
+        let bars = bars.map(|((edge, _), motion)| BarResult {
+            edge,
+            motion: *motion,
+            stroke: stroke(edge),
+        });
         let reactions = sides.iter().zip(observation.reactions.iter().flatten());
         let reactions = reactions.map(|((edge, side), force)| {
             let holds = |c: usize| side.holds(edge)[c] || side.bar().is_some();

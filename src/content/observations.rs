@@ -77,7 +77,7 @@ impl Observations {
             .as_ref()
             .map(|bodies| motions(samples, bodies.len(), |o| o.bodies.as_ref()));
         let sides = scene.geometry.sides.as_ref();
-        let bars = sides.map_or(0, |sides| sides.iter().filter(|(_, side)| side.bar().is_some()).count());
+        let bars = sides.map_or(0, |sides| sides.bars().count());
         let bars = (bars > 0).then(|| motions(samples, bars, |o| o.bars.as_ref()));
         let floats = |value: &dyn Fn(&Observation) -> Option<f64>| -> Vec<f64> {
             let value = |sample: &Option<&Observation>| sample.and_then(value).unwrap_or(f64::NAN);
@@ -104,18 +104,10 @@ impl Observations {
                 let bracket = |o: &Option<&Observation>| o.and_then(|o| o.critical_voltage).unwrap_or_default();
                 samples.iter().map(bracket).collect()
             }),
-            body_translation: bodies
-                .as_ref()
-                .map(|all| Packed(all.iter().flat_map(|motion| motion.translation).collect())),
-            body_rotation: bodies
-                .as_ref()
-                .map(|all| Packed(all.iter().map(|motion| motion.rotation).collect())),
-            bar_translation: bars
-                .as_ref()
-                .map(|all| Packed(all.iter().flat_map(|motion| motion.translation).collect())),
-            bar_rotation: bars
-                .as_ref()
-                .map(|all| Packed(all.iter().map(|motion| motion.rotation).collect())),
+            body_translation: bodies.as_deref().map(translations),
+            body_rotation: bodies.as_deref().map(rotations),
+            bar_translation: bars.as_deref().map(translations),
+            bar_rotation: bars.as_deref().map(rotations),
             reaction: sides.map(|_| {
                 let of = |sample: &Option<&Observation>| sample.and_then(|o| o.reactions).unwrap_or([[f64::NAN; 2]; 4]);
                 Packed(samples.iter().flat_map(of).flatten().collect())
@@ -141,6 +133,14 @@ fn motions(
     };
     let of = |sample: &Option<&Observation>| sample.and_then(&own).cloned().unwrap_or_else(|| vec![none; count]);
     samples.iter().flat_map(of).collect()
+}
+
+fn translations(motions: &[Motion]) -> Packed<PerBody<[f64; 2]>> {
+    Packed(motions.iter().flat_map(|motion| motion.translation).collect())
+}
+
+fn rotations(motions: &[Motion]) -> Packed<PerBody<f64>> {
+    Packed(motions.iter().map(|motion| motion.rotation).collect())
 }
 
 /// Returns the displacements without voltage, sample by sample.

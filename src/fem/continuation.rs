@@ -185,7 +185,7 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
 
     /// Returns whether forces act on bodies or sides without voltage, so that the state of rest is not u = 0.
     fn is_loaded(&self) -> bool {
-        Operator::new(&(self.material)(0.0), self.activity).is_loaded()
+        self.activity.grid().supports().is_some() && Operator::new(&(self.material)(0.0), self.activity).is_loaded()
     }
 
     /// Loads from rest through two shares, between which a loss of stability is expected. `u` is then the last stable

@@ -6,7 +6,6 @@ use super::effects::WithMaterial;
 use super::layout::SIDES;
 use super::material::Material;
 use super::operator::{Activity, Operator};
-use super::sheet::SheetSides;
 use super::solver::{MembraneSolver, MeshSolution};
 
 impl MembraneSolver {
@@ -50,15 +49,6 @@ impl MembraneSolver {
 fn touched([column, row]: [usize; 2], [columns, rows]: [usize; 2]) -> impl Iterator<Item = usize> {
     let on = [column == 0, column + 1 == columns, row == 0, row + 1 == rows];
     (0..SIDES).filter(move |side| on[*side])
-}
-
-impl SheetSides {
-    /// The sides of a membrane on which nothing acts.
-    pub const FREE: Self = Self {
-        held: [[false; 2]; SIDES],
-        loads: [[0.0; 2]; SIDES],
-        bars: [None; SIDES],
-    };
 }
 
 /// Computes the forces of all elements on all nodes.

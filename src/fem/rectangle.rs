@@ -265,8 +265,8 @@ impl Rectangle {
         matrix
     }
 
-    /// Returns sums of the inverse for a component over the nodes of clusters: `of` is the cluster of each node. Modes along x are left
-    /// out at distances along y over which their response to a load has decayed to rounding.
+    /// Returns sums of the inverse for a component over the nodes of clusters: `of` is the cluster of each node. Modes
+    /// along x are left out at distances along y over which their response to a load has decayed to rounding.
     pub(super) fn between_clusters(
         &self,
         component: usize,

@@ -64,6 +64,13 @@ pub struct SheetSides {
 }
 
 impl SheetSides {
+    /// The sides of a membrane on which nothing acts.
+    pub const FREE: Self = Self {
+        held: [[false; 2]; SIDES],
+        loads: [[0.0; 2]; SIDES],
+        bars: [None; SIDES],
+    };
+
     /// Converts lengths, and forces over μH, from mm to a unit of length.
     #[must_use]
     pub fn in_units(self, unit_mm: f64) -> Self {
@@ -98,14 +105,14 @@ pub struct Sheet {
     pub sides: Option<SheetSides>,
 }
 
-/// Returns μH of a scene in N per mm: N over it is a length in mm.
-fn stiffness_n_per_mm(scene: &Scene) -> f64 {
-    1e-6 * scene.shear_modulus_pa() * scene.thickness_mm()
+/// Returns μH of a scene in N/m: N over it is a length in m.
+fn stiffness_n_per_m(scene: &Scene) -> f64 {
+    scene.shear_modulus_pa() * scene.thickness_mm() * 1e-3
 }
 
 /// Returns the forces on the bodies of a scene.
 fn mounts(scene: &Scene) -> Vec<Mount> {
-    let stiffness = scene.shear_modulus_pa() * scene.thickness_mm() * 1e-3;
+    let stiffness = stiffness_n_per_m(scene);
     let bodies = scene.geometry.bodies.iter().flatten().map(|body| Mount {
         load: body.load_n().map(|force| 1e3 * force / stiffness),
         spring: body.spring_n_per_m() / stiffness,
@@ -116,15 +123,15 @@ fn mounts(scene: &Scene) -> Vec<Mount> {
 
 /// Returns the supports of the sides of a scene; `None` if all are held.
 fn sides(scene: &Scene) -> Option<SheetSides> {
-    let (sides, stiffness) = (scene.geometry.sides.as_ref()?, stiffness_n_per_mm(scene));
+    let (sides, stiffness) = (scene.geometry.sides.as_ref()?, stiffness_n_per_m(scene));
     let bar = |edge: Edge| {
         let bar = sides.of(edge).bar()?;
         let mut arm = [0.0; 2];
         arm[1 - edge.normal_axis()] = bar.at_mm();
         Some(Mount {
-            load: bar.load_n().map(|force| force / stiffness),
+            load: bar.load_n().map(|force| 1e3 * force / stiffness),
             arm,
-            spring: 1e-3 * bar.spring_n_per_m() / stiffness,
+            spring: bar.spring_n_per_m() / stiffness,
             moves: bar.moves(),
             given: bar.displacement_mm().unwrap_or_default(),
         })
@@ -132,7 +139,7 @@ fn sides(scene: &Scene) -> Option<SheetSides> {
     let load = |edge: Edge| sides.of(edge).load_n().unwrap_or_default();
     Some(SheetSides {
         held: Edge::ALL.map(|edge| sides.of(edge).holds(edge)),
-        loads: Edge::ALL.map(|edge| load(edge).map(|force| force / stiffness)),
+        loads: Edge::ALL.map(|edge| load(edge).map(|force| 1e3 * force / stiffness)),
         bars: Edge::ALL.map(bar),
     })
 }

@@ -219,8 +219,8 @@ impl Scene {
     }
 
     /// Returns the symmetries of the device: those of the square, or of a rectangle if sides, cells or prestretch
-    /// differ, that map frame, leads, bodies and the supports of sides to themselves. A body can be mapped to another one with
-    /// the same load and spring.
+    /// differ, that map frame, leads, bodies and the supports of sides to themselves. A body can be mapped to another
+    /// one with the same load and spring.
     #[must_use]
     pub fn symmetries(&self) -> Symmetries {
         let [along, across] = self.prestretch();

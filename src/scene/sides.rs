@@ -165,6 +165,17 @@ impl Edge {
         }
     }
 
+    /// Returns the corners at the ends of the side of a raster with these columns and rows, upwards or to the right.
+    #[must_use]
+    pub fn ends(self, [columns, rows]: [usize; 2]) -> [[usize; 2]; 2] {
+        match self {
+            Self::Left => [[0, 0], [0, rows]],
+            Self::Right => [[columns, 0], [columns, rows]],
+            Self::Bottom => [[0, 0], [columns, 0]],
+            Self::Top => [[0, rows], [columns, rows]],
+        }
+    }
+
     /// Returns the outward normal.
     fn normal(self) -> [f64; 2] {
         match self {
@@ -269,6 +280,11 @@ impl Sides {
     /// Returns all sides with their supports.
     pub fn iter(&self) -> impl Iterator<Item = (Edge, &SideSupport)> {
         Edge::ALL.into_iter().map(|edge| (edge, self.of(edge)))
+    }
+
+    /// Returns the sides with bars.
+    pub fn bars(&self) -> impl Iterator<Item = (Edge, &Bar)> {
+        self.iter().filter_map(|(edge, side)| Some((edge, side.bar()?)))
     }
 
     /// Returns whether some displacement is free on the low (0) or high (1) side along an axis.
@@ -442,8 +458,7 @@ impl Bar {
 }
 
 fn check(sides: &Sides, map: &Map<'_>) -> Result<(), InputError> {
-    for (edge, side) in sides.iter() {
-        let Some(bar) = side.bar() else { continue };
+    for (edge, bar) in sides.bars() {
         let name = edge.name();
         let node = map.required("`sides`", name)?;
         for other in edge.neighbours() {

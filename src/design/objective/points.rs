@@ -300,18 +300,12 @@ fn markers_of_bar(scene: &Scene, edge: Edge) -> Result<([f64; 2], BodyMarkers), 
     let bar = scene.geometry.sides.as_ref().and_then(|sides| sides.of(edge).bar());
     bar.ok_or(GoalError::Bar { side: edge.name() })?;
     let membrane = scene.membrane();
-    let (size, [columns, rows]) = (membrane.size_mm, membrane.raster.sides());
-    let ends = match edge {
-        Edge::Left => [[0, 0], [0, rows]],
-        Edge::Right => [[columns, 0], [columns, rows]],
-        Edge::Bottom => [[0, 0], [columns, 0]],
-        Edge::Top => [[0, rows], [columns, rows]],
-    };
+    let size = membrane.size_mm;
     let mut offset_mm = [0.0; 2];
     let along = 1 - edge.normal_axis();
     offset_mm[along] = size[along];
     let markers = BodyMarkers {
-        ends,
+        ends: edge.ends(membrane.raster.sides()),
         start_mm: offset_mm.map(|offset| -0.5 * offset),
         offset_mm,
         arm_mm: 0.5 * size[along],
