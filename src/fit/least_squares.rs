@@ -17,6 +17,9 @@ const NEGLIGIBLE: f64 = 1e-12;
 const SLIGHT: f64 = 1e-12;
 /// A minimum is none if the linear model still promises a decrease by more than this, relative to the sum of squares.
 const PROMISED: f64 = 1e-6;
+/// Nor does a decrease matter that moves the parameters by less than this, in standard errors. Derivatives that are
+/// differences of simulations promise such decreases without end.
+const SHIFT: f64 = 0.03;
 /// Relative differences of the sum of squares up to this are rounding: then the gradient tells which point is better.
 const ROUNDING: f64 = 1e-13;
 
@@ -98,8 +101,19 @@ pub struct Minimum {
     pub sum_of_squares: f64,
     /// The number of steps, refused ones included.
     pub iterations: usize,
-    /// Whether the last two steps were negligible, and not because parameters without residuals are in the way.
-    pub converged: bool,
+    /// Whether the last two steps were negligible.
+    settled: bool,
+    /// The decrease of rᵀr that the linear model still promises.
+    promised: f64,
+}
+
+impl Minimum {
+    /// Returns whether the last two steps were negligible, and not because parameters without residuals are in the
+    /// way. `variance` is that of the noise in the residuals.
+    #[must_use]
+    pub fn converged(&self, variance: f64) -> bool {
+        self.settled && self.promised <= f64::max(PROMISED * self.sum_of_squares, SHIFT * SHIFT * variance)
+    }
 }
 
 /// A model whose residuals have no value for some parameters.
@@ -189,7 +203,8 @@ pub fn minimise(residuals: &Residuals<'_>, start: &[f64], bounds: &Bounds) -> Op
         }
     }
     Some(Minimum {
-        converged: negligible >= 2 && !promises(&state, &scale, bounds),
+        settled: negligible >= 2,
+        promised: promised(&state, &scale, bounds),
         point: state.point,
         evaluation: state.evaluation,
         sum_of_squares: state.sum_of_squares,
@@ -197,16 +212,16 @@ pub fn minimise(residuals: &Residuals<'_>, start: &[f64], bounds: &Bounds) -> Op
     })
 }
 
-/// Returns whether the linear model promises a decrease that a search which has ended did not find.
-fn promises(state: &State, scale: &[f64], bounds: &Bounds) -> bool {
+/// Returns the decrease of the sum of squares that the linear model promises to a search which has ended.
+fn promised(state: &State, scale: &[f64], bounds: &Bounds) -> f64 {
     let Some(step) = damped_step(state, scale, SLIGHT, bounds) else {
-        return false;
+        return 0.0;
     };
     let moved: Vec<f64> = state.point.iter().zip(&step).map(|(q, d)| q + d).collect();
     let moved = bounds.project(&moved);
     let step: Vec<f64> = moved.iter().zip(&state.point).map(|(new, old)| new - old).collect();
     let slope: f64 = state.gradient.iter().zip(&step).map(|(g, d)| g * d).sum();
-    -(2.0 * slope + state.effect(&step)) > PROMISED * state.sum_of_squares
+    -(2.0 * slope + state.effect(&step))
 }
 
 /// Returns the step of the parameters that can move; `None` if the system is singular to working precision.
@@ -258,7 +273,7 @@ mod tests {
     #[test]
     fn a_curved_valley_is_followed_to_its_end() {
         let end = minimise(&rosenbrock, &[-1.2, 1.0], &within([-9.0; 2], [9.0; 2])).unwrap();
-        assert!(end.converged && end.iterations < 60, "{end:?}");
+        assert!(end.converged(0.0) && end.iterations < 60, "{end:?}");
         assert!(
             (end.point[0] - 1.0).abs() < 1e-12 && (end.point[1] - 1.0).abs() < 1e-12,
             "{end:?}"
@@ -280,7 +295,7 @@ mod tests {
             upper: vec![9.0],
         };
         let end = minimise(&edge, &[0.0], &bounds).unwrap();
-        assert!(!end.converged && (end.point[0] - 1.0).abs() < 1e-6, "{end:?}");
+        assert!(!end.converged(0.1) && (end.point[0] - 1.0).abs() < 1e-6, "{end:?}");
     }
 
     /// On the edge q₀ = ½ the minimum is at q₁ = ¼.
@@ -288,7 +303,7 @@ mod tests {
     fn a_bound_holds() {
         let end = minimise(&rosenbrock, &[-1.2, 1.0], &within([-9.0; 2], [0.5, 9.0])).unwrap();
         assert!(
-            end.converged && end.point[0] == 0.5 && (end.point[1] - 0.25).abs() < 1e-12,
+            end.converged(0.0) && end.point[0] == 0.5 && (end.point[1] - 0.25).abs() < 1e-12,
             "{end:?}"
         );
     }

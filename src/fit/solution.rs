@@ -10,6 +10,8 @@ use deaflow_linalg::Mat;
 const WIDE: f64 = 0.1;
 /// Searches agree if their sums of squares differ by less than this.
 const SAME_MINIMUM: f64 = 1e-6;
+/// No measurement is more exact than this, relative to the root mean square of the data.
+const EXACT: f64 = 1e-5;
 
 /// Which parameters get a profile of the likelihood.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -242,7 +244,7 @@ impl<'a> Solution<'a> {
         } else if one * (1.0 + SAME_MINIMUM) < two {
             (self, found)
         } else {
-            (if other.best.converged { other } else { self }, found + others_found)
+            (if other.converged() { other } else { self }, found + others_found)
         };
         Self {
             searches: (made + others, found),
@@ -252,7 +254,12 @@ impl<'a> Solution<'a> {
 
     /// Returns whether the search that found the minimum converged.
     pub fn converged(&self) -> bool {
-        self.best.converged
+        let estimated = self.best.sum_of_squares / self.degrees_of_freedom().max(1) as f64;
+        let least = match self.model.stated() {
+            true => 1.0,
+            false => EXACT * EXACT * self.model.data() / self.best.evaluation.residual.len().max(1) as f64,
+        };
+        self.best.converged(f64::max(estimated, least))
     }
 
     /// Returns the values of the parameters.
@@ -285,7 +292,7 @@ impl<'a> Solution<'a> {
             degrees_of_freedom: self.degrees_of_freedom(),
             information: Information::new(stated, sum_of_squares, points, count + self.model.nuisance()),
             iterations: self.best.iterations,
-            converged: self.best.converged,
+            converged: self.converged(),
             searches: self.searches,
         }
     }

@@ -166,13 +166,14 @@ fn name_of(path: &str) -> String {
 /// Returns whether a key of the scene has a list.
 fn has_list(node: &Node, wanted: &str) -> bool {
     let last = wanted.rsplit('.').next().unwrap_or(wanted);
-    let NodeValue::Map(entries) = node.value() else {
-        return false;
-    };
-    entries.iter().any(|(key, value)| {
-        let is_own = key.is_text(last) && matches!(value.value(), NodeValue::List(_));
-        is_own || has_list(value, wanted)
-    })
+    match node.value() {
+        NodeValue::Map(entries) => entries.iter().any(|(key, value)| {
+            let is_own = key.is_text(last) && matches!(value.value(), NodeValue::List(_));
+            is_own || has_list(value, wanted)
+        }),
+        NodeValue::List(items) => items.iter().any(|item| has_list(item, wanted)),
+        _ => false,
+    }
 }
 
 /// Returns the paths of all keys of a mapping that have a number, and of numbers in lists, with the dimension and the

@@ -6,7 +6,7 @@ use super::{SIZE, folder, half, options, sets, value};
 use crate::measured::{Device, MeasuredSet, SceneFit, fit_scene};
 use deaflow_base::InputError;
 use deaflow_fem::MembraneSolver;
-use deaflow_fit::{CreepCurve, DataSet, Elastomer, LawKind, Load, Sigma, Test, simulate};
+use deaflow_fit::{CreepCurve, DataSet, Elastomer, LawKind, Load, Sigma, Test, Verdict, simulate};
 use deaflow_scene::Scene;
 
 /// A scene with two numbers of the prestretch, and a body with a load.
@@ -54,6 +54,7 @@ fn prestretch_along_one_axis_and_the_load_of_a_body_are_fitted() {
             value(&found, at)
         );
     }
+    assert_eq!(found.fit.verdict, Verdict::Determined);
     let [along, across] = found.scene.prestretch();
     assert!(along == 3.0 && (across - 2.8).abs() < 1e-4, "{along} {across}");
     for (free, part) in [
@@ -107,6 +108,7 @@ fn branches_of_the_scene_are_fitted_to_creep() {
             value(&found, at)
         );
     }
+    assert_eq!(found.fit.verdict, Verdict::Determined);
     assert!(found.scene.to_text().contains("time: 3"), "{}", found.scene.to_text());
     // The sheet has the thickness of the scene.
     let error = fitted(&start, ("c.csv", text), list, &["thickness"]).err().unwrap();

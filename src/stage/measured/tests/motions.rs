@@ -68,7 +68,6 @@ fn assert_values(found: &SceneFit, known: &[f64], within: f64) {
     for (parameter, known) in found.fit.estimate.parameters.iter().zip(known) {
         assert!((parameter.value / known - 1.0).abs() < within, "{parameter:?}");
     }
-    // Differences of adaptive time steps need not reach the strict end of a search.
     assert_eq!(found.fit.verdict, Verdict::Determined);
 }
 
@@ -180,13 +179,9 @@ fn a_motion_under_the_waveform_of_the_scene_is_compared_up_to_pull_in() {
     assert!(compared[0].agreement.rms < 1e-9, "{:?}", compared[0].agreement);
     assert_eq!(compared[0].values.quantities(), Quantities::TimeDisplacement);
     // Creep leads to pull-in.
-    let (device, set) = sets(&truth, &text, "test: time-displacement, voltage: 12 kV", &[]).unwrap();
+    let (device, set) = sets(&truth, &text, "test: time-displacement, voltage: 7.8 kV", &[]).unwrap();
     let (compared, _) = compare_all(&device, &set, &[], false).unwrap();
-    assert!(
-        !compared[0].without_equilibrium.is_empty(),
-        "{:?}",
-        compared[0].agreement
-    );
+    assert_eq!(compared[0].without_equilibrium, [4]);
 }
 
 #[test]
