@@ -23,6 +23,7 @@ FIGURES = {
     "deformation": ("paper", "solved", "deformation"),
     "evaluation": ("paper", "judged", "evaluation"),
     "histogram": ("paper", "balanced", "histogram"),
+    "stroke": ("linear-actuator", "stroke", "table"),
     "sweep": ("sweep", "moved", "table"),
     "training": ("paper", "physics", "training"),
     "verification": ("quickstart", "verified", "verification"),
@@ -30,7 +31,7 @@ FIGURES = {
 }
 
 # Figures with few colours: a palette reduces them to a third or a half of the bytes.
-CHARTS = {"accuracy", "audit", "cases", "evaluation", "histogram", "sweep", "training", "verification", "worth"}
+CHARTS = {"accuracy", "audit", "cases", "evaluation", "histogram", "stroke", "sweep", "training", "verification", "worth"}
 
 # Limit of the total size in bytes, because every clone fetches the figures.
 MOST = 1_200_000
