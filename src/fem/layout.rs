@@ -25,6 +25,12 @@ impl FreeSides {
         Self(bits.sum())
     }
 
+    /// Returns them with x and y exchanged for places, not for components.
+    #[must_use]
+    pub fn exchanged(self) -> Self {
+        Self(self.0.rotate_left(SIDES as u32))
+    }
+
     /// Returns whether all sides are held.
     #[must_use]
     pub fn is_empty(self) -> bool {

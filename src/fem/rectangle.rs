@@ -30,6 +30,9 @@ use deaflow_field::Order;
 /// of nodes and that of nodes along their direction.
 const LONG: usize = 3;
 
+/// The same ratio where sides are not held, in halves: transforms then cost more.
+const LONG_IN_HALVES: usize = 3;
+
 /// Number of cells along the transforms above which they make use of the period of the cells.
 const MANY_CELLS: usize = 100;
 
@@ -141,9 +144,16 @@ impl Rectangle {
     }
 
     fn with_free_sides(grid: &Grid, free: FreeSides, mass_factor: f64) -> Result<Self, SetupError> {
-        let layout = NodeLayout::new(grid.elements(), grid.order()).with_free_sides(free);
+        let given = NodeLayout::new(grid.elements(), grid.order()).with_free_sides(free);
+        let [columns, rows] = given.nodes();
+        let (axes, sides) = match 2 * columns > LONG_IN_HALVES * rows {
+            true => ([1, 0], free.exchanged()),
+            false => ([0, 1], free),
+        };
+        let elements = axes.map(|axis| grid.elements()[axis]);
+        let layout = NodeLayout::new(elements, grid.order()).with_free_sides(sides);
         let nodes = layout.nodes();
-        let ranges = |c: usize| [0, 1].map(|axis| free.range(axis, c, nodes[axis]));
+        let ranges = |c: usize| [0, 1].map(|axis| sides.range(axis, c, nodes[axis]));
         let component = |[along, across]: [Range<usize>; 2]| {
             let is_floating = along.len() == nodes[0] && across.len() == nodes[1];
             let lowest = |axis: usize| {
@@ -154,16 +164,16 @@ impl Rectangle {
                 true => FLOATING_MASS * f64::min(lowest(0), lowest(1)),
                 false => mass_factor,
             };
-            let transform = SideTransform::new(layout, along.clone(), &matrices_along(grid, 0, along))?;
+            let transform = SideTransform::new(layout, along.clone(), &matrices_along(grid, axes[0], along))?;
             let values = values_with(&transform, mass);
             Ok(Component {
-                columns: Columns::new(layout, across.clone(), &matrices_along(grid, 1, across), &values),
+                columns: Columns::new(layout, across.clone(), &matrices_along(grid, axes[1], across), &values),
                 transform: Box::new(transform),
             })
         };
         let own = if ranges(0) == ranges(1) { 1 } else { 2 };
         Ok(Self {
-            given: layout,
+            given,
             layout,
             components: (0..own).map(|c| component(ranges(c))).collect::<Result<_, _>>()?,
         })
@@ -437,15 +447,16 @@ fn joined(kept: impl Iterator<Item = bool>) -> Vec<Range<usize>> {
     ranges
 }
 
-/// Copies the interior of a vector to one with columns and rows exchanged.
+/// Copies a vector to one with columns and rows exchanged; without its edge if all sides are held.
 fn exchange([from, to]: [NodeLayout; 2], source: &[f32], target: &mut [f32]) {
     let (degree, [columns, rows]) = (from.degree(), from.nodes());
-    for (c, row) in (0..2).flat_map(|c| (1..rows - 1).map(move |row| (c, row))) {
+    let edge = usize::from(from.free_sides().is_empty());
+    for (c, row) in (0..2).flat_map(|c| (edge..rows - edge).map(move |row| (c, row))) {
         let (first, step) = (to.index(c, row, 0), to.stride());
         for inner in 0..degree {
             let start = from.index_in(c, 0, inner, row);
             let nodes = (inner..columns).step_by(degree).zip(&source[start..]);
-            let inside = nodes.filter(|(column, _)| (1..columns - 1).contains(column));
+            let inside = nodes.filter(|(column, _)| (edge..columns - edge).contains(column));
             inside.for_each(|(column, value)| target[first + column * step] = *value);
         }
     }
