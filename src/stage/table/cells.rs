@@ -7,20 +7,6 @@ use crate::results::unit;
 use deaflow_base::{Canonical, Dimension, InputError, Node, NodeValue, Quantity};
 use deaflow_orchestrator::StageError;
 
-/// The dimensions that the values of an axis may have, in the order in which they are tried.
-const DIMENSIONS: [Dimension; 10] = [
-    Dimension::Number,
-    Dimension::Length,
-    Dimension::Voltage,
-    Dimension::Stress,
-    Dimension::Angle,
-    Dimension::Field,
-    Dimension::Frequency,
-    Dimension::Time,
-    Dimension::Density,
-    Dimension::Resistance,
-];
-
 /// The longest word in a cell, in bytes: that of texts in artifacts.
 const LONGEST: usize = deaflow_store::TEXT_WIDTH;
 
@@ -199,7 +185,7 @@ fn text_of(node: &Node) -> String {
 /// # Errors
 /// If a cell cannot hold one of the words: its index.
 fn axis_values(texts: &[&str]) -> Result<(Vec<CellValue>, &'static str), usize> {
-    for dimension in DIMENSIONS {
+    for dimension in Dimension::ALL {
         let number = |text: &&str| match text.is_empty() {
             true => Some(CellValue::Empty),
             false => Some(CellValue::Number(Quantity::parse(text, dimension).ok()?.value())),
@@ -236,6 +222,7 @@ mod tests {
             (cells.iter().map(CellValue::number).collect::<Vec<_>>(), unit)
         };
         assert_eq!(numbers(&["3 kV", "500 V"]), (vec![Some(3000.0), Some(500.0)], "V"));
+        assert_eq!(numbers(&["0.5 N", "200 mN"]), (vec![Some(0.5), Some(0.2)], "N"));
         assert_eq!(numbers(&["0.3", "1"]), (vec![Some(0.3), Some(1.0)], "1"));
         assert_eq!(numbers(&["0.3", ""]), (vec![Some(0.3), None], "1"));
         assert_eq!(numbers(&["3 kV", "4 mm"]), (vec![None, None], ""));
