@@ -1,5 +1,6 @@
 //! The leads that connect the electrodes with the source.
 
+use super::sides::{SideSupport, Sides};
 use deaflow_base::{Canonical, Declared, InputError, Node, NodeValue, Parameter, Schema, parameters, words};
 use deaflow_pattern::{Bits, Membrane, Pattern, Raster};
 
@@ -98,8 +99,9 @@ impl Leads {
         (1..=pattern.groups()).find_map(of_group)
     }
 
-    /// Checks that leads are on cells of the membrane; `node` is the node of the leads.
-    pub(super) fn check(&self, node: &Node, membrane: Membrane) -> Result<(), InputError> {
+    /// Checks that leads are on cells of the membrane, or along sides that are held or have a bar; `node` is the node of
+    /// the leads.
+    pub(super) fn check(&self, node: &Node, membrane: Membrane, sides: Option<&Sides>) -> Result<(), InputError> {
         let [columns, rows] = membrane.raster.sides();
         let beyond = |[x, y]: &&[usize; 2]| *x >= columns || *y >= rows;
         match self {
@@ -111,7 +113,21 @@ impl Leads {
                     ))),
                 None => Ok(()),
             },
-            Self::Edges(_) => Ok(()),
+            Self::Edges(edges) => {
+                let bears = |edge: &&Edge| {
+                    let support = sides.map(|sides| sides.of(**edge));
+                    support.is_none_or(|support| *support == SideSupport::Held || support.bar().is_some())
+                };
+                match edges.iter().find(|edge| !bears(edge)) {
+                    Some(edge) => Err(node
+                        .error(format!(
+                            "nothing holds a lead along the {} side of the membrane",
+                            edge.name()
+                        ))
+                        .help("leads are along sides that are held or have a bar, or on `cells`")),
+                    None => Ok(()),
+                }
+            }
         }
     }
 }
@@ -191,6 +207,16 @@ mod tests {
         // A lead at one side is not at the other.
         let left = scene(&format!("{DRIVE}, leads: [left]")).unwrap();
         assert_eq!((plain.symmetries().count(), left.symmetries().count()), (4, 2));
+        let supported = |sides: &str| {
+            let geometry = format!("side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 4, sides: {{ {sides} }}");
+            Scene::from_text(&format!(
+                "{{ geometry: {{ {geometry} }}, material: {{ model: neo-hookean, shear_modulus: 45 kPa, \
+                 relative_permittivity: 4.7 }}, {DRIVE}, leads: [left, right] }}"
+            ))
+        };
+        assert!(supported("right: { bar: {} }, top: free, bottom: free").is_ok());
+        let error = supported("right: free").unwrap_err().to_string();
+        assert!(error.contains("along the right side"), "{error}");
         for (wrong, says) in [
             ("leads: left", "must be a list of sides"),
             ("leads: []", "is empty"),

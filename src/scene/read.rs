@@ -84,7 +84,7 @@ impl Scene {
         let leads = match map.optional("leads") {
             Some(node) => {
                 let leads = Leads::read(node, "leads", &())?;
-                leads.check(node, geometry.membrane())?;
+                leads.check(node, geometry.membrane(), geometry.sides.as_ref())?;
                 Some(leads)
             }
             None => None,
