@@ -93,12 +93,45 @@ impl From<NewtonFailure> for StepFailure {
     }
 }
 
+/// The loads of a state.
+#[derive(Clone, Copy, Debug)]
+pub struct Loads<'a> {
+    /// Share of the full load, which is proportional to V².
+    pub voltage: f64,
+    /// Share of the forces on bodies and sides, and of the released prestress.
+    pub bodies: f64,
+    /// Further dead forces on nodes, with the opposite sign.
+    pub dead: Option<&'a [f64]>,
+}
+
+impl Loads<'_> {
+    /// The full forces on bodies and sides, and a share of the full load.
+    pub const fn at(voltage: f64) -> Self {
+        Self {
+            voltage,
+            bodies: 1.0,
+            dead: None,
+        }
+    }
+}
+
+/// Where a state of a material with several branches must lie.
+#[derive(Clone, Copy, Debug)]
+pub enum Basin<'a> {
+    /// In one basin with the undisplaced membrane.
+    Rest,
+    /// In one basin with this state.
+    Of(&'a [f64]),
+    /// Anywhere.
+    Any,
+}
+
 /// Relative width of the bracket in load: one part in a thousand of the voltage.
-const BRACKET: f64 = 2e-3;
+pub(super) const BRACKET: f64 = 2e-3;
 /// Prestress, in units of μλp², that counts as none.
 const NO_PRESTRESS: f64 = 1e-9;
 /// Maximum number of load steps.
-const MAX_LOAD_STEPS: u32 = 200;
+pub(super) const MAX_LOAD_STEPS: u32 = 200;
 
 /// First step of a search between two loads, in units of their difference.
 pub(super) const FIRST_STEP: f64 = 0.5;
@@ -145,46 +178,8 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         }
     }
 
-    /// Moves `u` to the state without voltage, loaded only by the forces on bodies and sides.
-    ///
-    /// # Errors
-    /// If these make the membrane unstable.
-    pub fn rest(&self, u: &mut [f64], workspace: &mut Workspace) -> Result<(), Loading> {
-        u.fill(0.0);
-        if let Some(known) = self.at_rest {
-            u.copy_from_slice(known);
-            return Ok(());
-        }
-        if !self.is_loaded() {
-            return Ok(());
-        }
-        let mut total = Loading::from(0.0);
-        let (mut applied, mut step) = (0.0, 1.0_f64);
-        let mut reached = u.to_vec();
-        workspace.begin_again();
-        for _ in 0..MAX_LOAD_STEPS {
-            let body_load = f64::min(applied + step, 1.0);
-            match self.attempt([0.0, body_load], Some(&reached), u, workspace, &mut total) {
-                Ok(()) if body_load >= 1.0 => return Ok(()),
-                Ok(()) => {
-                    applied = body_load;
-                    reached.copy_from_slice(u);
-                }
-                Err(failure) => {
-                    u.copy_from_slice(&reached);
-                    if failure == StepFailure::Work || step <= BRACKET {
-                        total.ending = ending(failure, 0.0, 0.0);
-                        return Err(total);
-                    }
-                    step *= 0.5;
-                }
-            }
-        }
-        Err(total)
-    }
-
     /// Returns whether forces act on bodies or sides without voltage, so that the state of rest is not u = 0.
-    fn is_loaded(&self) -> bool {
+    pub(super) fn is_loaded(&self) -> bool {
         self.activity.grid().supports().is_some() && Operator::new(&(self.material)(0.0), self.activity).is_loaded()
     }
 
@@ -220,7 +215,8 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         workspace.begin_again();
         for _ in 0..MAX_LOAD_STEPS {
             let share: f64 = stable + step;
-            match self.attempt([share, 1.0], reached.as_deref(), u, workspace, &mut total) {
+            let basin = reached.as_deref().map_or(Basin::Rest, Basin::Of);
+            match self.attempt(Loads::at(share), basin, u, workspace, &mut total) {
                 Ok(()) if share >= range.to => {
                     total.ending = LoadingEnd::Stable;
                     return total;
@@ -283,16 +279,16 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         }
     }
 
-    /// Solves at shares of the full load and of the forces on bodies, and checks stability.
-    fn attempt(
+    /// Solves at some loads, and checks stability and the basin.
+    pub(super) fn attempt(
         &self,
-        loads: [f64; 2],
-        before: Option<&[f64]>,
+        loads: Loads<'_>,
+        basin: Basin<'_>,
         u: &mut [f64],
         workspace: &mut Workspace,
         total: &mut Loading,
     ) -> Result<(), StepFailure> {
-        let found = self.solve_at(loads, before, u, workspace, total);
+        let found = self.solve_at(loads, basin, u, workspace, total);
         match found {
             // Nothing is known of the stability.
             Err(_) if is_interrupted() => Err(StepFailure::Work),
@@ -302,17 +298,17 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
 
     fn solve_at(
         &self,
-        [share, body_load]: [f64; 2],
-        before: Option<&[f64]>,
+        loads: Loads<'_>,
+        basin: Basin<'_>,
         u: &mut [f64],
         workspace: &mut Workspace,
         total: &mut Loading,
     ) -> Result<(), StepFailure> {
-        let material = (self.material)(share);
+        let material = (self.material)(loads.voltage);
         let operator = Operator {
-            material: &material,
-            activity: self.activity,
-            body_load,
+            body_load: loads.bodies,
+            dead: loads.dead,
+            ..Operator::new(&material, self.activity)
         };
         newton::give_motions(&operator, self.laplacian, u, workspace);
         let result = newton::solve(&operator, self.laplacian, self.tolerance, u, workspace);
@@ -322,9 +318,13 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         match result {
             Ok(_) => match judge(&operator, self.laplacian, u, workspace) {
                 Stability::Stable { pointwise } => {
-                    if operator.material.has_several_branches()
-                        && !same_basin(&operator, self.laplacian, before, u, workspace)
-                    {
+                    let before = match basin {
+                        Basin::Any => None,
+                        Basin::Rest => Some(None),
+                        Basin::Of(state) => Some(Some(state)),
+                    };
+                    let leaves = |before| !same_basin(&operator, self.laplacian, before, u, workspace);
+                    if operator.material.has_several_branches() && before.is_some_and(leaves) {
                         return Err(StepFailure::Lost(Loss::Stability));
                     }
                     total.pointwise = pointwise;
@@ -337,7 +337,7 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
     }
 }
 
-fn ending(failure: StepFailure, stable: f64, unstable: f64) -> LoadingEnd {
+pub(super) fn ending(failure: StepFailure, stable: f64, unstable: f64) -> LoadingEnd {
     match failure {
         StepFailure::Unknown => LoadingEnd::Unknown { stable },
         StepFailure::Work => LoadingEnd::WorkLimit { stable },

@@ -223,11 +223,7 @@ mod tests {
         let material = NeoHookean::of(1.0 / 729.0, pull);
         let grid = Grid::paper(mesh);
         let activity = Activity::from_shares(&grid, |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 });
-        let operator = Operator {
-            material: &material,
-            activity: &activity,
-            body_load: 1.0,
-        };
+        let operator = Operator::new(&material, &activity);
         work(
             &operator,
             &Laplacian::new(&grid).unwrap(),
@@ -260,11 +256,7 @@ mod tests {
             (0.9, 0.1 + 3.0 * thickness),
         ] {
             let material = NeoHookean::of(thickness, pull);
-            let operator = Operator {
-                material: &material,
-                activity: &activity,
-                body_load: 1.0,
-            };
+            let operator = Operator::new(&material, &activity);
             let value = smallest(&operator, &laplacian, &u, None).unwrap().value;
             assert!((-1e-6..2e-4).contains(&(value - exact)), "{pull}: {value} {exact}");
         }

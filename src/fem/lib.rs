@@ -60,6 +60,7 @@ pub mod precondition;
 mod reactions;
 mod rectangle;
 pub mod registers;
+mod release;
 mod response;
 mod safety_margins;
 mod sampling;

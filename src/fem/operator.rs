@@ -23,6 +23,8 @@ pub struct Operator<'a, L> {
     pub activity: &'a Activity,
     /// Share of the loads of bodies and sides, and of the prestress that sides release.
     pub body_load: f64,
+    /// Further dead forces on nodes, with the opposite sign.
+    pub dead: Option<&'a [f64]>,
 }
 
 impl<'a, L> Operator<'a, L> {
@@ -33,6 +35,7 @@ impl<'a, L> Operator<'a, L> {
             material,
             activity,
             body_load: 1.0,
+            dead: None,
         }
     }
 }
@@ -117,6 +120,9 @@ impl<L: Material> Operator<'_, L> {
             None => smallest,
         };
         self.add_forces_of_sides(u, out);
+        if let Some(dead) = self.dead {
+            out.iter_mut().zip(dead).for_each(|(out, dead)| *out += dead);
+        }
         smallest
     }
 

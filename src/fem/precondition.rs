@@ -127,11 +127,7 @@ mod tests {
             let grid = Grid::uniform(Mesh::new(per_cell, order), &sheet);
             let layout = grid.layout();
             let activity = Activity::new(&grid, &Pattern::from_fn(sheet.raster(), |_, _| false));
-            let operator = Operator {
-                material: &material,
-                activity: &activity,
-                body_load: 1.0,
-            };
+            let operator = Operator::new(&material, &activity);
             let laplacian = Laplacian::new(&grid).unwrap();
             let mut u: Vec<f32> = (0..layout.vector_len())
                 .map(|i| ((i * i) as f32 * 0.037).sin())

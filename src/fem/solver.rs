@@ -385,6 +385,12 @@ impl MembraneSolver {
         }
     }
 
+    /// Returns whether sides are not held and there is no stable state without voltage.
+    #[must_use]
+    pub fn lacks_rest(&self, pattern: &Pattern) -> bool {
+        self.grid.boundary().is_some() && self.rest_of(pattern).is_none()
+    }
+
     fn find_rest(&self, pattern: &Pattern) -> Option<Vec<f64>> {
         let activity = self.model.activity(&self.grid, pattern);
         let mut scratch = self.scratch(self.limit);

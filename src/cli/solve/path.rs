@@ -44,14 +44,13 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     })?;
     let follow = |pattern: &Pattern| -> Result<PatternPath, CliError> {
         let (path, critical) = solvers.with(pattern, |(solver, search)| {
-            let path = solver.path(pattern);
-            let limit = path.as_ref().and_then(LoadPath::limit);
+            let path = solver.path(pattern).ok_or_else(|| no_path(solver.lacks_rest(pattern)));
+            let limit = path.as_ref().ok().and_then(LoadPath::limit);
             let critical = limit.map(|limit| search.from(pattern, solver.mesh(), limit.voltage));
             (path, critical)
         })?;
         simulation.job.bar.advance(1);
-        let path = path.ok_or_else(|| CliError::failure("not enough memory for the factors of the tangent"))?;
-        Ok(PatternPath { path, critical })
+        Ok(PatternPath { path: path?, critical })
     };
     // All at once: some paths take much longer than others.
     let paths = simulation
@@ -75,6 +74,17 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
         exit: Exit::Done,
     };
     simulation.finish(result, output)
+}
+
+/// Returns why there is no path.
+fn no_path(lacks_rest: bool) -> CliError {
+    match lacks_rest {
+        true => {
+            CliError::failure("the membrane has no stable state without voltage under its loads, where a path starts")
+                .help("lower the `load` of its sides and bodies, or mount it at a smaller `prestretch`")
+        }
+        false => CliError::failure("not enough memory for the factors of the tangent"),
+    }
 }
 
 /// Lists the patterns.

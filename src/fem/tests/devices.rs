@@ -68,9 +68,8 @@ fn the_laplacian_is_inverted_whatever_frames_and_bodies_do() {
         let activity = Activity::new(&grid, &Pattern::from_fn(grid.raster(), |_, _| false));
         let material = NeoHookean::new(3.0, 0.0);
         let operator = Operator {
-            material: &material,
-            activity: &activity,
             body_load: 0.0,
+            ..Operator::new(&material, &activity)
         };
         let at: Vec<f32> = allowed(&grid, 0.02, 0.3).into_iter().map(|u| u as f32).collect();
         let poses = grid.poses(&at);

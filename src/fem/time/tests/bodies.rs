@@ -150,11 +150,8 @@ fn a_body_swings_at_the_natural_frequencies_of_its_membrane() {
     let still = solver.solve(&bare).displacement;
     let mass = Mass::new(&solver.grid, false);
     let law = NeoHookean::new(3.0, 0.0);
-    let operator = Operator {
-        material: &law,
-        activity: &Activity::new(&solver.grid, &bare),
-        body_load: 1.0,
-    };
+    let activity = Activity::new(&solver.grid, &bare);
+    let operator = Operator::new(&law, &activity);
     let modes = lowest(&operator, &solver.laplacian, &mass, &vec![0.0; still.len()], 4);
     let along = |mode: &[f64], u: &[f64]| {
         let mut heavy = vec![0.0; u.len()];
