@@ -123,6 +123,13 @@ impl Candidate {
         estimates.chain(newton).chain(accurate.map(Self::Elements)).collect()
     }
 
+    /// Returns those of the default list that a scene allows.
+    #[must_use]
+    pub fn usual_in(scene: &Scene) -> Vec<Self> {
+        let all = Self::usual().into_iter();
+        all.filter(|method| method.check_scene(scene, None).is_ok()).collect()
+    }
+
     /// Returns the default list for a state at a time: three equilibria and estimates of them, all steps and estimates
     /// of them, and the end of creep.
     #[must_use]
@@ -204,7 +211,9 @@ impl Candidate {
     /// When it cannot be used.
     pub fn check_scene(&self, scene: &Scene, time: Option<Time>) -> Result<(), AccuracyError> {
         match self {
-            Self::Elements(_) => Ok(()),
+            Self::Elements(parameters) => parameters
+                .check_method(scene)
+                .map_err(|why| AccuracyError::from(why).of(self.settings())),
             Self::InTime(how, parameters) => {
                 let checked = check_in_time(*how, parameters.method(), scene, time);
                 checked.map_err(|why| why.of(self.settings()))

@@ -145,7 +145,7 @@ fn methods(
                 let usual = Candidate::usual_in_time().into_iter();
                 usual.filter(|method| method.check_scene(scene, time).is_ok()).collect()
             }
-            None => Candidate::usual(),
+            None => Candidate::usual_in(scene),
         };
         return Ok(usual.into_iter().chain(Candidate::networks(networks)).collect());
     };

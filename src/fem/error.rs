@@ -147,7 +147,7 @@ pub enum SetupError {
         with: &'static str,
     },
     /// Sides that are not held, with an incompatible setting.
-    #[error("sides that are not held are not simulated together with {with}: hold all `sides`, or remove it")]
+    #[error("sides that are not held are not simulated with {with}: hold all `sides`, or do without {with}")]
     Sides {
         /// The incompatible setting.
         with: &'static str,

@@ -39,6 +39,20 @@ pub struct LinearResponse {
     rest: Vec<f64>,
 }
 
+/// Refuses estimates of devices whose sides are not held: the state about which they are linearised is far from that of
+/// a mount whose sides have relaxed.
+///
+/// # Errors
+/// If sides are not held.
+pub(crate) fn check_sides(scene: &Scene) -> Result<(), SetupError> {
+    match scene.geometry.sides {
+        None => Ok(()),
+        Some(_) => Err(SetupError::Sides {
+            with: "estimates (`method: linear`, `method: chord`)",
+        }),
+    }
+}
+
 impl LinearResponse {
     /// Computes the response of a scene on a mesh.
     ///
@@ -54,11 +68,7 @@ impl LinearResponse {
     /// # Errors
     /// As [`LinearResponse::new`].
     pub(super) fn with_unrelaxed(scene: &Scene, gamma: f64, mesh: Mesh) -> Result<Self, SetupError> {
-        // The state about which they are linearised is far from that of a mount whose sides have relaxed.
-        if scene.geometry.sides.is_some() {
-            let with = "estimates (`method: linear`, `method: chord`)";
-            return Err(SetupError::Sides { with });
-        }
+        check_sides(scene)?;
         let model = Model::new(scene)?.with_unrelaxed(gamma);
         let grid = model.grid(checked(mesh)?)?;
         let response = Self {

@@ -15,6 +15,7 @@ use deaflow_content::{Accuracy, Solutions};
 use deaflow_fem::geometry_revision;
 use deaflow_field::Field;
 use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
+use deaflow_scene::Scene;
 use deaflow_store::{Artifact, Object};
 
 pub use content::content;
@@ -69,10 +70,15 @@ impl Kind for AccuracyKind {
         let parameters = solve::solver_of(reference.node)?;
         let checked = Reference::new(parameters).map_err(|why| named.error(why.to_string()))?;
         let methods = map.optional("methods");
-        let candidates = methods
-            .map(Candidate::read)
-            .transpose()?
-            .unwrap_or_else(Candidate::usual);
+        let scene = stage.scene.map(scene::read).transpose()?;
+        let candidates = candidates_of(methods, scene.as_ref())?;
+        if let Some(scene) = &scene {
+            let checked = candidates.iter().try_for_each(|method| match method {
+                Candidate::Elements(_) => method.check_scene(scene, None),
+                _ => Ok(()),
+            });
+            checked.map_err(|why| methods.unwrap_or(named).error(why.to_string()))?;
+        }
         checked
             .check(&candidates)
             .map_err(|why| methods.unwrap_or(named).error(why.to_string()))?;
@@ -85,15 +91,19 @@ impl Kind for AccuracyKind {
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let map = stage.fields("an accuracy stage", &["kind", "needs", "methods"])?;
-        let candidates = map.optional("methods").map(Candidate::read).transpose()?;
+        let scene = scene.map(scene::read).transpose()?;
         Ok(Box::new(AccuracyStage {
-            candidates: candidates.unwrap_or_else(Candidate::usual),
-            revision: scene
-                .map(scene::read)
-                .transpose()?
-                .as_ref()
-                .map_or(0, geometry_revision),
+            candidates: candidates_of(map.optional("methods"), scene.as_ref())?,
+            revision: scene.as_ref().map_or(0, geometry_revision),
         }))
+    }
+}
+
+/// Reads the methods; by default all that the scene allows.
+fn candidates_of(methods: Option<&Node>, scene: Option<&Scene>) -> Result<Vec<Candidate>, InputError> {
+    match methods {
+        Some(methods) => Candidate::read(methods),
+        None => Ok(scene.map_or_else(Candidate::usual, Candidate::usual_in)),
     }
 }
 

@@ -11,6 +11,7 @@ use crate::error::SetupError;
 use crate::krylov::LARGE;
 use crate::lanes::WIDEST;
 use crate::rectangle::is_large_or_long;
+use crate::response::check_sides;
 use crate::time::{HistoryOptions, HistoryRequest, HistorySolver, refusal};
 use crate::work::WorkLimit;
 use deaflow_base::{
@@ -125,11 +126,25 @@ impl SolverParameters {
     /// Checks the parameters against a scene; `map` is their source.
     ///
     /// # Errors
-    /// If they ask for a history and the scene cannot be simulated in time.
+    /// If they ask for a history and the scene cannot be simulated in time, or for an estimate that it does not allow.
     pub fn check_scene(&self, map: &Map<'_>, scene: &Scene) -> Result<(), InputError> {
+        if let (Some(node), Err(why)) = (map.optional("method"), self.check_method(scene)) {
+            return Err(node.error(why.to_string()));
+        }
         match (map.optional("history"), refusal(scene)) {
             (Some(node), Some(why)) => Err(node.error(why.to_string())),
             _ => Ok(()),
+        }
+    }
+
+    /// Checks the method against a scene.
+    ///
+    /// # Errors
+    /// If it is an estimate, and not all sides are held.
+    pub fn check_method(&self, scene: &Scene) -> Result<(), SetupError> {
+        match self.method {
+            Method::Newton => Ok(()),
+            Method::Linear | Method::Chord(_) => check_sides(scene),
         }
     }
 
