@@ -54,11 +54,7 @@ fn report(order: Order, per_cell: usize, double: f64, single: f64) -> String {
     let grid = Grid::uniform(mesh, &Sheet::of(&scene));
     let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
     let activity = Activity::new(&grid, &pattern);
-    let operator = Operator {
-        material: &material,
-        activity: &activity,
-        body_load: 1.0,
-    };
+    let operator = Operator::new(&material, &activity);
     let laplacian = Laplacian::new(&grid).expect("the eigenvectors converge");
     let len = grid.layout().vector_len();
     let (u, mut r) = (vec![0.0_f64; len], vec![0.0_f64; len]);
