@@ -123,17 +123,18 @@ impl Candidate {
         estimates.chain(newton).chain(accurate.map(Self::Elements)).collect()
     }
 
-    /// Returns those of the default list that a scene allows.
+    /// Returns those of the default list that a scene allows; `time` is that of the reference, if it is a state at a
+    /// time.
     #[must_use]
-    pub fn usual_in(scene: &Scene) -> Vec<Self> {
-        let all = Self::usual().into_iter();
-        all.filter(|method| method.check_scene(scene, None).is_ok()).collect()
+    pub fn usual_in(scene: &Scene, time: Option<Time>) -> Vec<Self> {
+        let all = time.map_or_else(Self::usual, |_| Self::usual_in_time());
+        let allowed = all.into_iter().filter(|method| method.check_scene(scene, time).is_ok());
+        allowed.collect()
     }
 
     /// Returns the default list for a state at a time: three equilibria and estimates of them, all steps and estimates
     /// of them, and the end of creep.
-    #[must_use]
-    pub fn usual_in_time() -> Vec<Self> {
+    fn usual_in_time() -> Vec<Self> {
         let [one, two, square] = [Mesh::bilinear(1), Mesh::bilinear(2), Mesh::biquadratic(1)];
         let of = |how: InTime, method, mesh| Self::InTime(how, SolverParameters::new(method, mesh));
         let estimates = [

@@ -138,15 +138,7 @@ fn methods(
         networks.push(network.map_err(|e| CliError::bad_input(format!("cannot use {model}: {e}")))?);
     }
     let Some(text) = &arguments.methods else {
-        let time = reference.settings().time();
-        let usual: Vec<Candidate> = match time {
-            // Methods that this scene does not allow are left out.
-            Some(_) => {
-                let usual = Candidate::usual_in_time().into_iter();
-                usual.filter(|method| method.check_scene(scene, time).is_ok()).collect()
-            }
-            None => Candidate::usual_in(scene),
-        };
+        let usual = Candidate::usual_in(scene, reference.settings().time());
         return Ok(usual.into_iter().chain(Candidate::networks(networks)).collect());
     };
     let document = Document::from_text(Path::new("--methods"), text)?;

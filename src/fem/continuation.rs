@@ -8,7 +8,7 @@ use super::material::Material;
 use super::newton::{self, NewtonFailure, Workspace};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
-use super::stability::{Loss, Stability, judge, same_basin};
+use super::stability::{Basin, Loss, Stability, is_in_basin, judge};
 use deaflow_base::is_interrupted;
 
 /// How the load stepping ended.
@@ -115,17 +115,6 @@ impl Loads<'_> {
     }
 }
 
-/// Where a state of a material with several branches must lie.
-#[derive(Clone, Copy, Debug)]
-pub enum Basin<'a> {
-    /// In one basin with the undisplaced membrane.
-    Rest,
-    /// In one basin with this state.
-    Of(&'a [f64]),
-    /// Anywhere.
-    Any,
-}
-
 /// Relative width of the bracket in load: one part in a thousand of the voltage.
 pub(super) const BRACKET: f64 = 2e-3;
 /// Prestress, in units of μλp², that counts as none.
@@ -180,6 +169,7 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
 
     /// Returns whether forces act on bodies or sides without voltage, so that the state of rest is not u = 0.
     pub(super) fn is_loaded(&self) -> bool {
+        // Whatever is loaded or released is among the supports.
         self.activity.grid().supports().is_some() && Operator::new(&(self.material)(0.0), self.activity).is_loaded()
     }
 
@@ -318,13 +308,9 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         match result {
             Ok(_) => match judge(&operator, self.laplacian, u, workspace) {
                 Stability::Stable { pointwise } => {
-                    let before = match basin {
-                        Basin::Any => None,
-                        Basin::Rest => Some(None),
-                        Basin::Of(state) => Some(Some(state)),
-                    };
-                    let leaves = |before| !same_basin(&operator, self.laplacian, before, u, workspace);
-                    if operator.material.has_several_branches() && before.is_some_and(leaves) {
+                    if operator.material.has_several_branches()
+                        && !is_in_basin(&operator, self.laplacian, basin, u, workspace)
+                    {
                         return Err(StepFailure::Lost(Loss::Stability));
                     }
                     total.pointwise = pointwise;

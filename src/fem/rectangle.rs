@@ -20,7 +20,7 @@ use super::element::Line;
 use super::error::SetupError;
 use super::grid::Grid;
 use super::krylov::{add_scaled, dot};
-use super::layout::{FreeSides, NodeLayout};
+use super::layout::NodeLayout;
 use super::line_transform::LineTransform;
 use super::modes::matrices_at;
 use super::side_transform::SideTransform;
@@ -106,6 +106,19 @@ fn matrices_along(grid: &Grid, axis: usize, free: Range<usize>) -> (Mat<f64>, Ma
     }
 }
 
+/// Returns the layout of the vectors of a grid, that with transforms along rows, and its axes in the grid: exchanged if
+/// there are more than this many half columns of nodes for each row. Mapped elements are no part of vectors.
+fn layouts(grid: &Grid, long_in_halves: usize) -> (NodeLayout, NodeLayout, [usize; 2]) {
+    let (elements, free) = (grid.elements(), grid.layout().free_sides());
+    let layout = |elements, free| NodeLayout::new(elements, grid.order()).with_free_sides(free);
+    let given = layout(elements, free);
+    let [columns, rows] = given.nodes();
+    match 2 * columns > long_in_halves * rows {
+        true => (given, layout([elements[1], elements[0]], free.exchanged()), [1, 0]),
+        false => (given, given, [0, 1]),
+    }
+}
+
 /// Adds a mass to the eigenvalues of modes; those of the padding become 1.
 fn values_with(transform: &dyn Transform, mass: f64) -> Vec<f64> {
     let values = transform.values().into_iter();
@@ -118,15 +131,10 @@ const FLOATING_MASS: f64 = 0.1;
 
 impl Rectangle {
     pub(super) fn new(grid: &Grid, mass_factor: f64) -> Result<Self, SetupError> {
-        let free = grid.layout().free_sides();
-        if !free.is_empty() {
-            return Self::with_free_sides(grid, free, mass_factor);
+        if !grid.layout().free_sides().is_empty() {
+            return Self::with_free_sides(grid, mass_factor);
         }
-        // Mapped elements are no part of vectors.
-        let given = NodeLayout::new(grid.elements(), grid.order());
-        let [columns, rows] = given.nodes();
-        let axes = if columns > LONG * rows { [1, 0] } else { [0, 1] };
-        let layout = NodeLayout::new(axes.map(|axis| grid.elements()[axis]), grid.order());
+        let (given, layout, axes) = layouts(grid, 2 * LONG);
         let interior = |axis: usize| 1..given.nodes()[axis] - 1;
         let [(stiffness, mass), columns] = axes.map(|axis| matrices_along(grid, axis, interior(axis)));
         let [cells, _] = axes.map(|axis| grid.raster().sides()[axis]);
@@ -143,17 +151,10 @@ impl Rectangle {
         })
     }
 
-    fn with_free_sides(grid: &Grid, free: FreeSides, mass_factor: f64) -> Result<Self, SetupError> {
-        let given = NodeLayout::new(grid.elements(), grid.order()).with_free_sides(free);
-        let [columns, rows] = given.nodes();
-        let (axes, sides) = match 2 * columns > LONG_IN_HALVES * rows {
-            true => ([1, 0], free.exchanged()),
-            false => ([0, 1], free),
-        };
-        let elements = axes.map(|axis| grid.elements()[axis]);
-        let layout = NodeLayout::new(elements, grid.order()).with_free_sides(sides);
-        let nodes = layout.nodes();
-        let ranges = |c: usize| [0, 1].map(|axis| sides.range(axis, c, nodes[axis]));
+    fn with_free_sides(grid: &Grid, mass_factor: f64) -> Result<Self, SetupError> {
+        let (given, layout, axes) = layouts(grid, LONG_IN_HALVES);
+        let (nodes, free) = (layout.nodes(), layout.free_sides());
+        let ranges = |c: usize| [0, 1].map(|axis| free.range(axis, c, nodes[axis]));
         let component = |[along, across]: [Range<usize>; 2]| {
             let is_floating = along.len() == nodes[0] && across.len() == nodes[1];
             let lowest = |axis: usize| {

@@ -2,14 +2,16 @@
 //!
 //! All loads and the release of the prestress are raised together from the mount. Where the mount is unstable under
 //! dead forces, as that of most laws at large stretches, the search starts again from a uniform state in which each
-//! axis that nothing holds bears its load alone: the forces that keep it are then removed. Membrane that wrinkles may do so on the way, in any basin.
+//! axis that nothing holds bears its load alone: the forces that keep it are then removed. Membrane that wrinkles may
+//! do so on the way, in any basin.
 
-use super::continuation::{BRACKET, Basin, Loading, Loads, MAX_LOAD_STEPS, Problem, StepFailure, ending};
+use super::continuation::{BRACKET, Loading, Loads, MAX_LOAD_STEPS, Problem, StepFailure, ending};
 use super::grid::Grid;
 use super::material::Material;
 use super::newton::Workspace;
 use super::operator::Operator;
 use super::sheet::{Mount, SheetSides};
+use super::stability::Basin;
 
 /// Factor between stretches at which the stress of a uniform state is compared with its load.
 const FACTOR: f64 = 1.02;
@@ -32,60 +34,66 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         }
         workspace.begin_again();
         let mut total = Loading::from(0.0);
-        let from_mount = |share: f64, u: &mut [f64], workspace: &mut Workspace, total: &mut Loading| {
-            let bodies = share;
-            let loads = Loads {
-                bodies,
-                ..Loads::at(0.0)
-            };
-            self.attempt(loads, Basin::Any, u, workspace, total)
-        };
-        let grid = self.activity.grid();
-        let Err(failure) = in_steps(grid, from_mount, u, workspace, &mut total) else {
+        let Err(failure) = self.release_from_mount(u, workspace, &mut total) else {
             return Ok(());
         };
-        let material = (self.material)(0.0);
-        let operator = Operator::new(&material, self.activity);
-        if failure != StepFailure::Work
-            && let Some(start) = uniform_state(&operator)
-        {
-            let mut unbalanced = vec![0.0; u.len()];
-            operator.residual(&start, &mut unbalanced);
-            let mut dead = unbalanced.clone();
-            let from_uniform = |share: f64, u: &mut [f64], workspace: &mut Workspace, total: &mut Loading| {
-                for (dead, force) in dead.iter_mut().zip(&unbalanced) {
-                    *dead = (share - 1.0) * force;
-                }
-                let loads = Loads {
-                    dead: (share < 1.0).then_some(&dead),
-                    ..Loads::at(0.0)
-                };
-                self.attempt(loads, Basin::Any, u, workspace, total)
-            };
-            u.copy_from_slice(&start);
-            if in_steps(grid, from_uniform, u, workspace, &mut total).is_ok() {
-                return Ok(());
-            }
+        if failure != StepFailure::Work && self.release_from_uniform(u, workspace, &mut total) {
+            return Ok(());
         }
         total.ending = ending(failure, 0.0, 0.0);
         Err(total)
     }
+
+    /// Raises all loads and the release of the prestress together.
+    fn release_from_mount(
+        &self,
+        u: &mut [f64],
+        workspace: &mut Workspace,
+        total: &mut Loading,
+    ) -> Result<(), StepFailure> {
+        in_steps(self.activity.grid(), u, |share, u| {
+            let loads = Loads {
+                bodies: share,
+                ..Loads::at(0.0)
+            };
+            self.attempt(loads, Basin::Any, u, workspace, total)
+        })
+    }
+
+    /// Removes the forces that keep a uniform state; returns whether a stable state is reached.
+    fn release_from_uniform(&self, u: &mut [f64], workspace: &mut Workspace, total: &mut Loading) -> bool {
+        let material = (self.material)(0.0);
+        let operator = Operator::new(&material, self.activity);
+        let Some(start) = uniform_state(&operator) else {
+            return false;
+        };
+        u.copy_from_slice(&start);
+        let mut unbalanced = start;
+        operator.residual(u, &mut unbalanced);
+        let released = in_steps(self.activity.grid(), u, |share, u| {
+            let dead: Vec<f64> = unbalanced.iter().map(|force| (share - 1.0) * force).collect();
+            let loads = Loads {
+                dead: Some(&dead),
+                ..Loads::at(0.0)
+            };
+            self.attempt(loads, Basin::Any, u, workspace, total)
+        });
+        released.is_ok()
+    }
 }
 
-/// Raises a share from 0 to 1 by attempts at shares, which move `u` to equilibria; steps that fail are halved. A step in
-/// which an element turns over leads to another branch, and fails.
+/// Raises a share from 0 to 1 by attempts at shares, which move `u` to equilibria; steps that fail are halved. A step
+/// in which an element turns over leads to another branch, and fails.
 fn in_steps(
     grid: &Grid,
-    mut attempt: impl FnMut(f64, &mut [f64], &mut Workspace, &mut Loading) -> Result<(), StepFailure>,
     u: &mut [f64],
-    workspace: &mut Workspace,
-    total: &mut Loading,
+    mut attempt: impl FnMut(f64, &mut [f64]) -> Result<(), StepFailure>,
 ) -> Result<(), StepFailure> {
     let (mut reached, mut step) = (0.0, 1.0_f64);
     let mut before = u.to_vec();
     for _ in 0..MAX_LOAD_STEPS {
         let share = f64::min(reached + step, 1.0);
-        let found = match attempt(share, u, workspace, total) {
+        let found = match attempt(share, u) {
             Ok(()) if turns_over(grid, &before, u) => Err(StepFailure::Unknown),
             found => found,
         };
@@ -165,9 +173,7 @@ fn uniform_state<L: Material>(operator: &Operator<'_, L>) -> Option<Vec<f64>> {
             }
         }
     }
-    if let Some(supports) = grid.supports() {
-        supports.settle(&mut u);
-    }
+    grid.settle(&mut u);
     Some(u)
 }
 
@@ -192,24 +198,18 @@ impl FreeAxis {
             sides.held[side][axis] || sides.bars[side].as_ref().is_some_and(keeps)
         };
         let [low, high] = [2 * axis, 2 * axis + 1];
-        let corner = |side: usize, axis: usize| {
-            let mut nodes = grid.layout().side_nodes(side);
-            let ends = nodes.next().zip(nodes.last());
-            ends.map(|(first, last)| [first, last].map(|node| grid.node_position(node)[axis]))
-        };
-        let [start, end] = [low, high].map(|side| corner(side, axis));
-        let (start, end) = (start?[0], end?[0]);
-        let [first, last] = corner(low, other)?;
+        let last = grid.layout().nodes().map(|count| count - 1);
+        let [start, end] = [[0; 2], last].map(|node| grid.node_position(node));
         let load = |side: usize| sides.loads[side][axis] + sides.bars[side].map_or(0.0, |bar| bar.load[axis]);
         let (fixed, pull) = match (is_fixed(low), is_fixed(high)) {
             (true, true) => return None,
-            (true, false) => (start, load(high)),
-            (false, true) => (end, -load(low)),
-            (false, false) => (0.5 * (start + end), 0.5 * (load(high) - load(low))),
+            (true, false) => (start[axis], load(high)),
+            (false, true) => (end[axis], -load(low)),
+            (false, false) => (0.5 * (start[axis] + end[axis]), 0.5 * (load(high) - load(low))),
         };
         Some(Self {
             fixed,
-            traction: f64::max(pull, 0.0) / (last - first),
+            traction: f64::max(pull, 0.0) / (end[other] - start[other]),
         })
     }
 }

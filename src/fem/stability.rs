@@ -74,20 +74,31 @@ pub fn judge<L: Material>(
     }
 }
 
-/// Returns whether the energy is convex along the segment from the last stable state, or from rest without one, to an
-/// equilibrium. Then both are in one basin, and the membrane moves between them without snapping. It is checked at
-/// three points.
-pub fn same_basin<L: Material>(
+/// Where a state of a material with several branches must lie.
+#[derive(Clone, Copy, Debug)]
+pub enum Basin<'a> {
+    /// In one basin with the undisplaced membrane.
+    Rest,
+    /// In one basin with this state.
+    Of(&'a [f64]),
+    /// Anywhere.
+    Any,
+}
+
+/// Returns whether the energy is convex along the segment from a state to an equilibrium. Then both are in one basin, and
+/// the membrane moves between them without snapping. It is checked at three points.
+pub fn is_in_basin<L: Material>(
     operator: &Operator<'_, L>,
     laplacian: &Laplacian,
-    before: Option<&[f64]>,
+    basin: Basin<'_>,
     u: &[f64],
     workspace: &mut Workspace,
 ) -> bool {
     [0.25, 0.5, 0.75].into_iter().all(|t| {
-        let mut between: Vec<f64> = match before {
-            Some(before) => before.iter().zip(u).map(|(a, b)| a + t * (b - a)).collect(),
-            None => u.iter().map(|u| t * u).collect(),
+        let mut between: Vec<f64> = match basin {
+            Basin::Of(before) => before.iter().zip(u).map(|(a, b)| a + t * (b - a)).collect(),
+            Basin::Rest => u.iter().map(|u| t * u).collect(),
+            Basin::Any => return true,
         };
         operator.activity.grid().settle(&mut between);
         matches!(

@@ -99,8 +99,8 @@ impl Leads {
         (1..=pattern.groups()).find_map(of_group)
     }
 
-    /// Checks that leads are on cells of the membrane, or along sides that are held or have a bar; `node` is the node of
-    /// the leads.
+    /// Checks that leads are on cells of the membrane, or along sides that are held or have a bar; `node` is the node
+    /// of the leads.
     pub(super) fn check(&self, node: &Node, membrane: Membrane, sides: Option<&Sides>) -> Result<(), InputError> {
         let [columns, rows] = membrane.raster.sides();
         let beyond = |[x, y]: &&[usize; 2]| *x >= columns || *y >= rows;

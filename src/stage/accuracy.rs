@@ -103,7 +103,7 @@ impl Kind for AccuracyKind {
 fn candidates_of(methods: Option<&Node>, scene: Option<&Scene>) -> Result<Vec<Candidate>, InputError> {
     match methods {
         Some(methods) => Candidate::read(methods),
-        None => Ok(scene.map_or_else(Candidate::usual, Candidate::usual_in)),
+        None => Ok(scene.map_or_else(Candidate::usual, |scene| Candidate::usual_in(scene, None))),
     }
 }
 

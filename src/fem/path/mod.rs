@@ -131,7 +131,8 @@ impl LoadPath {
 }
 
 impl MembraneSolver {
-    /// Follows the path of one pattern from rest, whatever the voltage of the scene. `None` if memory is short.
+    /// Follows the path of one pattern from rest, whatever the voltage of the scene. `None` if memory is short,
+    /// or if there is no state at rest: see [`MembraneSolver::lacks_rest`].
     #[must_use]
     pub fn path(&self, pattern: &Pattern) -> Option<LoadPath> {
         let (model, voltage) = self.driven().ok()?;

@@ -214,8 +214,8 @@ fn laws_that_are_unstable_at_the_mount_are_released() {
                 };
                 let size = [20.0 * stretch, 10.0 * across];
                 let text = format!(
-                    "{{ geometry: {{ thickness: 1 mm, size: [{} mm, {} mm], prestretch: [{stretch}, {across}], cells: [8, \
-                     4], sides: {{ {sides} }} }}, material: {{ model: neo-hookean, shear_modulus: 45 kPa, \
+                    "{{ geometry: {{ thickness: 1 mm, size: [{} mm, {} mm], prestretch: [{stretch}, {across}], \
+                     cells: [8, 4], sides: {{ {sides} }} }}, material: {{ model: neo-hookean, shear_modulus: 45 kPa, \
                      relative_permittivity: 4.7 }}, drive: {{ voltage: 3 kV }}, effects: {{ strain_stiffening: {{ \
                      {law} }} }} }}",
                     size[0], size[1]
