@@ -20,7 +20,7 @@ use super::arguments::{
 use super::point::PointArguments;
 use super::{CliError, Exit, Output, write};
 use deaflow_base::Quantity;
-use deaflow_fem::{MeshRequest, Method, SolveOptions, SolverParameters};
+use deaflow_fem::{MeshRequest, Method, PathParameter, SolveOptions, SolverParameters};
 use deaflow_field::{Mesh, Order};
 use deaflow_pattern::{Edges, has_patterns};
 use deaflow_stage::direct::{self, ReadScene};
@@ -105,11 +105,19 @@ pub struct SolveArguments {
     /// Also write stretches, electric field, stresses and tension state of every cell
     #[arg(long, conflicts_with_all = ["accuracy", "path"])]
     pub cells: bool,
-    /// Follow the load path of each pattern from rest past its critical voltage; the voltage of the scene is ignored,
-    /// and
-    /// OUT.csv and OUT.png are written next to OUT.h5
-    #[arg(long, conflicts_with_all = ["accuracy", "time_limit"])]
-    pub path: bool,
+    /// Follow the load path of each pattern from rest past its critical voltage, whatever the voltage of the scene; or
+    /// at this voltage, with forces (load) or given displacements of bars rising from 0 to those of the scene. OUT.csv
+    /// and OUT.png are written next to OUT.h5
+    #[arg(
+        long,
+        value_name = "PARAMETER",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = PathParameter::Voltage.name(),
+        value_parser = path_parameter,
+        conflicts_with_all = ["accuracy", "time_limit"]
+    )]
+    pub path: Option<PathParameter>,
     #[command(flatten)]
     pub history: HistoryArguments,
     #[command(flatten)]
@@ -125,6 +133,14 @@ pub struct SolveArguments {
 /// Parses how edges are followed.
 fn edges(text: &str) -> Result<Edges, String> {
     Edges::from_name(text).ok_or_else(|| format!("allowed: {}", Edges::WORDS.join(", ")))
+}
+
+/// Parses what changes along a path.
+fn path_parameter(text: &str) -> Result<PathParameter, String> {
+    let known = PathParameter::ALL
+        .into_iter()
+        .find(|parameter| parameter.name() == text);
+    known.ok_or_else(|| format!("allowed: {}", PathParameter::ALL.map(PathParameter::name).join(", ")))
 }
 
 impl SolveArguments {
@@ -160,7 +176,7 @@ impl SolveArguments {
 
     /// The mesh.
     fn mesh(&self) -> Mesh {
-        let (elements, order) = if self.path { (1, 2) } else { (2, 1) };
+        let (elements, order) = if self.path.is_some() { (1, 2) } else { (2, 1) };
         let order = match self.order.unwrap_or(order) {
             1 => Order::Bilinear,
             _ => Order::Biquadratic,
@@ -194,8 +210,8 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     }
     arguments.patterns.check_ending()?;
     check_options(arguments)?;
-    if arguments.path {
-        path::execute(arguments, output)
+    if let Some(parameter) = arguments.path {
+        path::execute(arguments, parameter, output)
     } else if let Some(count) = arguments.modes.modes {
         modes::execute(arguments, count, output)
     } else if let Some(range) = arguments.response.response {
@@ -230,7 +246,7 @@ fn check_order(arguments: &SolveArguments) -> Result<(), CliError> {
 /// Refuses options that do not go together with the form or the method.
 fn check_options(arguments: &SolveArguments) -> Result<(), CliError> {
     let forms = [
-        ("--path", arguments.path),
+        ("--path", arguments.path.is_some()),
         ("--history", arguments.history.history),
         ("--modes", arguments.modes.modes.is_some()),
         ("--response", arguments.response.response.is_some()),

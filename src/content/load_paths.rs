@@ -1,5 +1,6 @@
 //! The file of `deaflow solve --path`: the points and events of all patterns are concatenated. It may contain NaN.
 
+use super::element::{Packed, PerBody};
 use super::macros::arrays;
 use super::samples::{CoveredCells, DrawnElectrodes};
 use deaflow_field::Field;
@@ -7,7 +8,7 @@ use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
 arrays! {
-    /// Load paths of patterns from rest to the loss of stability and beyond.
+    /// Load paths of patterns to the loss of stability and beyond.
     pub struct LoadPaths, LoadPathsView {
         /// Electrode patterns, origin lower left, 1 = electrode.
         patterns: Vec<Pattern> = array("patterns", "1", [path, y, x]),
@@ -21,7 +22,7 @@ arrays! {
         event_offsets: Vec<u64> = array("event_offsets", "1", [path_bound]),
         /// Voltage; it falls past a fold.
         voltage: Vec<f64> = array("voltage", "V", [point]),
-        /// Largest displacement magnitude over the corners.
+        /// Largest displacement magnitude over the corners; from rest if not all sides are held.
         max_displacement: Vec<f64> = array("max_displacement", "mm", [point]),
         /// Displacement magnitude at the watched corner.
         displacement: Vec<f64> = array("displacement", "mm", [point]),
@@ -31,7 +32,7 @@ arrays! {
         negative_eigenvalues: Vec<u64> = array("negative_eigenvalues", "1", [point]),
         /// 1 if the state is stable: no negative eigenvalue, and elliptic everywhere.
         stable: Vec<u8> = array("stable", "1", [point]),
-        /// The event: `fold`, `bifurcation` or `not-elliptic`.
+        /// The event: `fold`, `bifurcation`, `not-elliptic` or `slack`.
         event_kind: Vec<String> = array("event_kind", "", [event]),
         /// Its voltage.
         event_voltage: Vec<f64> = array("event_voltage", "V", [event]),
@@ -47,13 +48,25 @@ arrays! {
         limit_coarse: Vec<f64> = array("limit_coarse", "V", [path]),
         /// The limit on the finer mesh with elements of half the size; NaN if none was found.
         limit_fine: Vec<f64> = array("limit_fine", "V", [path]),
-        /// Displacement at the cell corners at that limit, or at the last point if there is no limit.
+        /// Displacement from the mount at the cell corners at that limit, or at the last point if there is no limit.
         limit_displacement: Vec<Field> = array("limit_displacement", "mm", [path, corner_y, corner_x, xy]),
         /// Column and row of the corner that moves most at that limit.
         watched_corner: Vec<[u64; 2]> = array("watched_corner", "1", [path, xy]),
         /// Why the path ends.
         end: Vec<String> = array("end", "", [path]),
-        /// The scene; its voltage is not used.
+        /// Share of the loads or displacements of the scene, if these change and not the voltage.
+        share: Option<Vec<f64>> = array("share", "1", [point]),
+        /// That of the events.
+        event_share: Option<Vec<f64>> = array("event_share", "1", [event]),
+        /// Displacement of the middle of each bar from the mount, in the order left, right, bottom, top.
+        bar_translation: Option<Packed<PerBody<[f64; 2]>>> = array("bar_translation", "mm", [point, bar, xy]),
+        /// Rotation of each bar, from -180 to 180, counterclockwise.
+        bar_rotation: Option<Packed<PerBody<f64>>> = array("bar_rotation", "deg", [point, bar]),
+        /// Force of the left, right, lower and upper side on the membrane; 0 along components that a side does not hold.
+        reaction: Option<Packed<PerBody<[f64; 2]>>> = array("reaction", "N", [point, side, xy]),
+        /// If not all sides are held, displacement of the first point from the mount; other displacements count from it.
+        rest: Option<Vec<Field>> = array("rest", "mm", [path, corner_y, corner_x, xy]),
+        /// The scene; where the voltage changes, its voltage is not used.
         scene: Scene = attribute("scene"),
     }
 }

@@ -136,20 +136,25 @@ impl Boundary {
     /// Returns whether the state of rest differs from that of the mount, at a stress.
     #[must_use]
     pub fn is_loaded(&self, stress: &EdgeStress) -> bool {
-        self.nodes.iter().any(|node| self.load_of(node, stress) != 0.0)
+        self.nodes.iter().any(|node| self.released(node, stress) != node.load)
     }
 
-    /// Returns the prestress less the load on a component of a node.
-    fn load_of(&self, node: &EdgeNode, stress: &EdgeStress) -> f64 {
+    /// Returns the force of the prestress on a component of a node.
+    fn released(&self, node: &EdgeNode, stress: &EdgeStress) -> f64 {
         let c = node.component;
-        (stress.uniform[c] * self.rest[c] + stress.cofactor) * node.area - node.load
+        (stress.uniform[c] * self.rest[c] + stress.cofactor) * node.area
     }
 
-    /// Adds the forces at a displacement, with a share of the loads and of the release, to the components that are
+    /// Adds the forces at a displacement, with shares of the release and of the loads, to the components that are
     /// free.
-    pub fn add_forces(&self, stress: &EdgeStress, share: f64, u: &[f64], out: &mut [f64]) {
+    pub fn add_forces(&self, stress: &EdgeStress, [release, loads]: [f64; 2], u: &[f64], out: &mut [f64]) {
         for node in &self.nodes {
-            out[node.index] += share * self.load_of(node, stress);
+            let force = self.released(node, stress);
+            // Equal shares are those of one sum.
+            out[node.index] += match release == loads {
+                true => loads * (force - node.load),
+                false => release * force - loads * node.load,
+            };
         }
         self.add_product(stress.cofactor, u, out);
     }

@@ -297,6 +297,7 @@ impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
         let material = (self.material)(loads.voltage);
         let operator = Operator {
             body_load: loads.bodies,
+            release: loads.bodies,
             dead: loads.dead,
             ..Operator::new(&material, self.activity)
         };

@@ -5,6 +5,12 @@ use super::fitted::FitFault;
 /// An error of setting up a simulation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SetupError {
+    /// A path of rising loads without any.
+    #[error("a path of the load needs a force on a side, a bar or a body; the scene has none")]
+    NoLoads,
+    /// A path of given displacements without any.
+    #[error("a path of the displacement needs a bar with a `displacement`; the scene has none")]
+    NoDisplacements,
     /// Elements per cell out of range.
     #[error("elements_per_cell is {found}; allowed: 1 to 8")]
     ElementsPerCell {

@@ -90,7 +90,7 @@ pub use laminates::check_covered_cells;
 pub use limit::CriticalSearch;
 pub use margin::StabilityReport;
 pub use observable::{CellState, Tension, cell_states};
-pub use path::{EventKind, LoadPath, PathEnd, PathEvent, PathPoint};
+pub use path::{EventKind, LoadPath, NoPath, PathEnd, PathEvent, PathParameter, PathPoint, PathSolver, SideState};
 pub use points::Weights;
 pub use response::{Estimator, LinearResponse};
 pub use safety_margins::SafetyMargins;

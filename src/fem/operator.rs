@@ -21,8 +21,10 @@ pub struct Operator<'a, L> {
     pub material: &'a L,
     /// The elements and their activity.
     pub activity: &'a Activity,
-    /// Share of the loads of bodies and sides, and of the prestress that sides release.
+    /// Share of the loads of bodies and sides.
     pub body_load: f64,
+    /// Share of the prestress that sides release.
+    pub release: f64,
     /// Further dead forces on nodes, with the opposite sign.
     pub dead: Option<&'a [f64]>,
 }
@@ -35,6 +37,7 @@ impl<'a, L> Operator<'a, L> {
             material,
             activity,
             body_load: 1.0,
+            release: 1.0,
             dead: None,
         }
     }
@@ -131,7 +134,7 @@ impl<L: Material> Operator<'_, L> {
         let grid = self.activity.grid();
         if let Some(boundary) = grid.boundary() {
             let stress = EdgeStress::of(self.material, grid.rest());
-            boundary.add_forces(&stress, self.body_load, u, out);
+            boundary.add_forces(&stress, [self.release, self.body_load], u, out);
         }
     }
 

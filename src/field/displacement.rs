@@ -143,6 +143,16 @@ impl Field {
         ]
     }
 
+    /// Returns the displacement relative to another of the same raster.
+    #[must_use]
+    pub fn minus(&self, other: &Self) -> Self {
+        let values = self.values.iter().zip(&other.values).map(|(a, b)| a - b);
+        Self {
+            values: values.collect(),
+            ..self.clone()
+        }
+    }
+
     /// Returns the largest displacement magnitude of all corners in mm.
     #[must_use]
     pub fn max_magnitude(&self) -> f64 {

@@ -57,11 +57,10 @@ impl Observation {
     /// Returns the displacement from rest: without voltage if not all sides are held, of the mount otherwise.
     #[must_use]
     pub fn displacement_from_rest(&self, field: &Field) -> Field {
-        let Some(rest) = &self.rest else {
-            return field.clone();
-        };
-        let moved = field.values().iter().zip(rest.values()).map(|(u, rest)| u - rest);
-        Field::from_values(field.raster(), moved.collect()).unwrap_or_else(|_| field.clone())
+        match &self.rest {
+            Some(rest) => field.minus(rest),
+            None => field.clone(),
+        }
     }
 
     /// Returns whether there are no results.

@@ -7,6 +7,7 @@ use super::drive::{Drive, States, UnknownState, Voltages};
 use super::effects::{Breakdown, Effects, On, Properties};
 use super::geometry::{Body, Geometry};
 use super::leads::Leads;
+use super::sides::Sides;
 use super::waveform::Waveform;
 use deaflow_base::{Decimal, Stress, Voltage, parameters, words};
 use deaflow_pattern::{Bits, Borders, Electrodes, Membrane, Parts, Pattern, PatternForm, Symmetries};
@@ -140,6 +141,44 @@ impl Scene {
     #[must_use]
     pub fn at_voltage(&self, voltage: f64) -> Self {
         self.with_voltages(self.drive.voltages.with_largest(voltage))
+    }
+
+    /// Returns the scene without forces on sides, bars and bodies; `None` if there are none.
+    #[must_use]
+    pub fn without_loads(&self) -> Option<Self> {
+        let geometry = &self.geometry;
+        let sides = geometry.sides.as_ref().and_then(Sides::without_loads);
+        let has_load = |body: &Body| body.load_n() != [0.0; 2];
+        let are_bodies_loaded = geometry.bodies.iter().flatten().any(has_load);
+        (sides.is_some() || are_bodies_loaded).then(|| {
+            let unloaded = |body: &Body| Body {
+                load: None,
+                ..body.clone()
+            };
+            let bodies = geometry.bodies.as_ref();
+            self.with_geometry(Geometry {
+                bodies: bodies.map(|bodies| bodies.iter().map(unloaded).collect()),
+                sides: sides.or_else(|| geometry.sides.clone()),
+                ..geometry.clone()
+            })
+        })
+    }
+
+    /// Returns the scene with bars of given motions in their initial position; `None` if there are none.
+    #[must_use]
+    pub fn without_displacements(&self) -> Option<Self> {
+        let sides = self.geometry.sides.as_ref()?.without_displacements()?;
+        Some(self.with_geometry(Geometry {
+            sides: Some(sides),
+            ..self.geometry.clone()
+        }))
+    }
+
+    fn with_geometry(&self, geometry: Geometry) -> Self {
+        Self {
+            geometry,
+            ..self.clone()
+        }
     }
 
     /// Returns the scene with the voltages of a table in the course of time, in which the groups of electrodes keep their

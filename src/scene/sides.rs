@@ -308,6 +308,46 @@ impl Sides {
         (!are_held).then_some(sides)
     }
 
+    /// Returns the sides without forces on them; `None` if there are none.
+    #[must_use]
+    pub(super) fn without_loads(&self) -> Option<Self> {
+        let unloaded = |side: &SideSupport| match side {
+            SideSupport::Load(_) => SideSupport::Free,
+            SideSupport::Bar(bar) => SideSupport::Bar(Bar {
+                load: None,
+                at: None,
+                ..bar.clone()
+            }),
+            other => other.clone(),
+        };
+        self.changed(unloaded)
+    }
+
+    /// Returns the sides with bars of given motions in their initial position; `None` if there are none.
+    #[must_use]
+    pub(super) fn without_displacements(&self) -> Option<Self> {
+        let at_rest = |side: &SideSupport| match side {
+            SideSupport::Bar(bar) => SideSupport::Bar(Bar {
+                displacement: bar.displacement.map(|_| [Length::literal("0 mm"); 2]),
+                ..bar.clone()
+            }),
+            other => other.clone(),
+        };
+        self.changed(at_rest)
+    }
+
+    /// Returns the sides with other supports; `None` if all are the same.
+    fn changed(&self, change: impl Fn(&SideSupport) -> SideSupport) -> Option<Self> {
+        let each = |side: &Option<SideSupport>| side.as_ref().map(&change);
+        let changed = Self {
+            left: each(&self.left),
+            right: each(&self.right),
+            bottom: each(&self.bottom),
+            top: each(&self.top),
+        };
+        (changed != *self).then_some(changed)
+    }
+
     /// Returns a rigid motion of a membrane of a size that neither the sides nor springs at these points resist, in
     /// words.
     pub(super) fn unresisted(&self, size: [f64; 2], springs: &[[f64; 2]]) -> Option<&'static str> {

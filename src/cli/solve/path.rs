@@ -1,21 +1,24 @@
-//! `deaflow solve --path`: load paths from rest past the critical voltage.
+//! `deaflow solve --path`: load paths from rest past the critical voltage, load or displacement.
 
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::SolveArguments;
 use super::simulation::{Form, PatternSolver, Simulation, States};
-use crate::job::{Attachments, JobResult};
+use crate::job::{Attachments, JobResult, extend};
 use crate::results::with_error;
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
 use deaflow_base::{Progress, four_digits};
-use deaflow_content::{CoveredCells, DrawnElectrodes, LoadPaths};
+use deaflow_content::{CoveredCells, DrawnElectrodes, LoadPaths, Packed};
 use deaflow_fem::screening::resolve;
-use deaflow_fem::{CriticalSearch, CriticalVoltage, LoadPath, MembraneSolver, MeshLimit, PathEvent, SetupError};
+use deaflow_fem::{
+    CriticalSearch, CriticalVoltage, LoadPath, MeshLimit, NoPath, PathEvent, PathParameter, PathPoint, PathSolver,
+    SetupError, SideState,
+};
 use deaflow_pattern::Pattern;
-use deaflow_report::figures::{Branch, Limit, paths_sheet};
-use deaflow_scene::Scene;
+use deaflow_report::figures::{Branch, Limit, PathAxes, paths_sheet};
+use deaflow_scene::{Body, Edge, Scene, SideSupport, Sides};
 
 /// A load path, with the critical voltage and its error.
 struct PatternPath {
@@ -30,23 +33,25 @@ const FORM: Form = Form {
     without_covered_cells: None,
 };
 
-/// Follows the load paths of patterns; the voltage of the scene is ignored.
+/// Follows the load paths of patterns.
 ///
 /// # Errors
 /// When a file would be lost, the scene or a pattern cannot be used, memory is short, or a file cannot be written.
-pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliError> {
+pub fn execute(arguments: &SolveArguments, parameter: PathParameter, output: &Output) -> Result<Exit, CliError> {
     let simulation = Simulation::read(arguments, &FORM)?;
     let scene = resolve(&simulation.scene)?;
     let options = arguments.options();
     let solvers = PatternSolver::new(&scene, |scene| {
-        let solver = MembraneSolver::new(scene, options)?;
+        let solver = PathSolver::new(scene, options, parameter)?;
         Ok::<_, SetupError>((solver, CriticalSearch::new(scene, options)?))
     })?;
+    let controlled = Controlled::new(&scene, parameter);
     let follow = |pattern: &Pattern| -> Result<PatternPath, CliError> {
         let (path, critical) = solvers.with(pattern, |(solver, search)| {
-            let path = solver.path(pattern).ok_or_else(|| no_path(solver.lacks_rest(pattern)));
+            let path = solver.path(pattern).map_err(|reason| no_path(reason, parameter));
             let limit = path.as_ref().ok().and_then(LoadPath::limit);
-            let critical = limit.map(|limit| search.from(pattern, solver.mesh(), limit.voltage));
+            let limit = limit.filter(|_| parameter == PathParameter::Voltage);
+            let critical = limit.map(|limit| search.from(pattern, solver.solver().mesh(), limit.voltage));
             (path, critical)
         })?;
         simulation.job.bar.advance(1);
@@ -58,74 +63,232 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
         .par_iter()
         .map(follow)
         .collect::<Result<Vec<_>, _>>()?;
-    let branches: Vec<Branch> = paths.iter().enumerate().map(branch).collect();
+    let branches: Vec<Branch> = paths.iter().enumerate().map(|one| controlled.branch(one)).collect();
+    let axes = controlled.axes();
     let result = JobResult {
         patterns: paths.len(),
         arrays: load_paths(&simulation.patterns, &paths, scene).object(),
-        parameters: simulation.parameters(", path"),
+        parameters: simulation.parameters(&match parameter {
+            PathParameter::Voltage => ", path".to_owned(),
+            other => format!(", path of the {}", other.name()),
+        }),
         attachments: Some(Attachments {
             title: "deaflow solve --path",
-            table: points_table(&paths)?,
-            draw: Box::new(move |figure| paths_sheet(&branches)?.write_png(figure)),
+            table: points_table(&paths, &controlled)?,
+            draw: Box::new(move |figure| paths_sheet(&branches, &axes)?.write_png(figure)),
         }),
         warnings: Vec::new(),
-        document: json!({ "paths": paths.iter().map(document).collect::<Vec<_>>() }),
-        text: Text::of(overview(&paths)),
+        document: json!({
+            "parameter": parameter.name(),
+            "paths": paths.iter().map(|path| document(path, &controlled)).collect::<Vec<_>>(),
+        }),
+        text: Text::of(overview(&paths, &controlled)),
         exit: Exit::Done,
     };
     simulation.finish(result, output)
 }
 
 /// Returns why there is no path.
-fn no_path(lacks_rest: bool) -> CliError {
-    match lacks_rest {
-        true => {
+fn no_path(reason: NoPath, parameter: PathParameter) -> CliError {
+    match (reason, parameter) {
+        (NoPath::Memory, _) => CliError::failure("not enough memory for the factors of the tangent"),
+        (NoPath::Start, PathParameter::Voltage) => {
             CliError::failure("the membrane has no stable state without voltage under its loads, where a path starts")
                 .help("lower the `load` of its sides and bodies, or mount it at a smaller `prestretch`")
         }
-        false => CliError::failure("not enough memory for the factors of the tangent"),
+        (NoPath::Start, PathParameter::Load | PathParameter::Displacement) => {
+            let (missing, name) = ("at the voltage of the scene without its", parameter.name());
+            CliError::failure(format!(
+                "the membrane has no stable state {missing} {name}, where this path starts"
+            ))
+            .help("lower the voltage, or mount it at another `prestretch`")
+        }
+    }
+}
+
+/// What is changed along paths, and how it is described.
+struct Controlled {
+    parameter: PathParameter,
+    /// The bars in their order.
+    bars: Vec<Edge>,
+    /// Of a load or displacement: its name, its unit and its value at a share of 1, if it is the only one.
+    full: Option<(String, &'static str, f64)>,
+    /// The side and the direction of the reaction to a displacement.
+    pulled: Option<(Edge, [f64; 2])>,
+}
+
+impl Controlled {
+    fn new(scene: &Scene, parameter: PathParameter) -> Self {
+        let sides = || scene.geometry.sides.iter().flat_map(Sides::iter);
+        let size = |[x, y]: [f64; 2]| x.hypot(y);
+        let given: Vec<(Edge, [f64; 2])> = sides()
+            .filter_map(|(edge, side)| Some((edge, side.bar()?.displacement_mm()?)))
+            .collect();
+        let on_side = |(edge, side): (Edge, &SideSupport)| {
+            let force = side.load_n().or_else(|| Some(side.bar()?.load_n()))?;
+            Some((format!("Load on the {} side", edge.name()), size(force)))
+        };
+        let bodies = scene.geometry.bodies.iter().flatten().enumerate();
+        let on_body = |(body, one): (usize, &Body)| (format!("Load on body {body}"), size(one.load_n()));
+        let loads = sides().filter_map(on_side).chain(bodies.map(on_body));
+        let loads: Vec<(String, f64)> = loads.filter(|(_, newtons)| *newtons > 0.0).collect();
+        Self {
+            parameter,
+            bars: sides().filter_map(|(edge, side)| side.bar().map(|_| edge)).collect(),
+            full: match (parameter, &loads[..], &given[..]) {
+                (PathParameter::Load, [(name, newtons)], _) => Some((name.clone(), "N", *newtons)),
+                (PathParameter::Displacement, _, [(edge, by)]) => Some((
+                    format!("Displacement of the bar on the {} side", edge.name()),
+                    "mm",
+                    size(*by),
+                )),
+                _ => None,
+            },
+            pulled: match (parameter, &given[..]) {
+                (PathParameter::Displacement, [(edge, by)]) => Some((*edge, by.map(|c| c / size(*by)))),
+                _ => None,
+            },
+        }
+    }
+
+    /// The value along the horizontal axis of a figure.
+    fn along(&self, point: &PathPoint) -> f64 {
+        match (self.parameter, &self.full) {
+            (PathParameter::Voltage, _) => 1e-3 * point.voltage,
+            (_, Some((_, _, full))) => full * point.share,
+            (_, None) => point.share,
+        }
+    }
+
+    /// The value along the vertical axis: the force along a given displacement, or the displacement of a corner.
+    fn across(&self, point: &PathPoint) -> f64 {
+        match (&self.pulled, &point.sides) {
+            (Some((edge, [x, y])), Some(sides)) => {
+                let [p, q] = sides.reactions[*edge as usize];
+                x * p + y * q
+            }
+            _ => point.displacement,
+        }
+    }
+
+    /// Describes the axes of a figure.
+    fn axes(&self) -> PathAxes {
+        let (name, unit) = match (self.parameter, &self.full) {
+            (PathParameter::Voltage, _) => ("Voltage".to_owned(), "kV"),
+            (_, Some((name, unit, _))) => (name.clone(), *unit),
+            (parameter, None) => (format!("Share of the {}s of the scene", parameter.name()), "1"),
+        };
+        PathAxes {
+            along: format!("{name} [{unit}]"),
+            unit: unit.to_owned(),
+            across: match self.pulled {
+                Some(_) => "Force of the bar along its displacement [N]".to_owned(),
+                None => "Displacement of the point that moves most [mm]".to_owned(),
+            },
+        }
+    }
+
+    /// Describes a share of the load or displacement.
+    fn text(&self, share: f64) -> String {
+        match &self.full {
+            Some((_, unit, full)) => format!("{} {unit}", four_digits(share * full)),
+            None => format!("{} of the {}", four_digits(share), self.parameter.name()),
+        }
+    }
+
+    /// Returns the curve of a path in the figure.
+    fn branch(&self, (index, PatternPath { path, critical }): (usize, &PatternPath)) -> Branch {
+        let limit = path.limit().and_then(|limit| {
+            let at = path.points.get(limit.point)?;
+            let critical = match self.parameter {
+                PathParameter::Voltage => Some((*critical)?),
+                _ => None,
+            };
+            Some(Limit {
+                name: limit.kind.name().to_owned(),
+                along: critical.map_or_else(|| self.along(at), |critical| 1e-3 * critical.voltage),
+                error: critical.and_then(|critical| Some(1e-3 * critical.error?)),
+                across: self.across(at),
+            })
+        });
+        Branch {
+            name: format!("pattern {index}"),
+            along: path.points.iter().map(|p| self.along(p)).collect(),
+            across: path.points.iter().map(|p| self.across(p)).collect(),
+            stable: path.points.iter().map(|p| p.stable).collect(),
+            limit,
+        }
     }
 }
 
 /// Lists the patterns.
-fn overview(paths: &[PatternPath]) -> table::Table {
-    let header = ["pattern", "limit", "voltage", "on this mesh", "points", "end"];
-    let mut table = table::table(&header, &["voltage", "on this mesh", "points"]).dispensable(&["points"]);
+fn overview(paths: &[PatternPath], controlled: &Controlled) -> table::Table {
+    let parameter = controlled.parameter;
+    let mut header = vec!["pattern", "limit", parameter.name(), "on this mesh", "points", "end"];
+    if parameter != PathParameter::Voltage {
+        // There is no search on a second mesh.
+        header.remove(2);
+    }
+    let numbers: Vec<&str> = [parameter.name(), "on this mesh", "points"]
+        .into_iter()
+        .filter(|name| header.contains(name))
+        .collect();
+    let mut table = table::table(&header, &numbers).dispensable(&["points"]);
     for (index, PatternPath { path, critical }) in paths.iter().enumerate() {
         let limit = path.limit();
         // The displacement belongs to the voltage of this mesh, not to the one extrapolated from two meshes.
         let on_mesh = limit.and_then(|limit| {
             let mm = path.points.get(limit.point)?.max_displacement;
-            Some(format!("{} mm at {} V", four_digits(mm), four_digits(limit.voltage)))
+            let at = match parameter {
+                PathParameter::Voltage => format!("{} V", four_digits(limit.voltage)),
+                _ => controlled.text(limit.share),
+            };
+            Some(format!("{} mm at {at}", four_digits(mm)))
         });
         let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
-        table.add_row([
+        let mut row = vec![
             index.to_string(),
             limit.map_or("none", |limit| limit.kind.name()).to_owned(),
-            or_dash(critical.map(|critical| with_error(&critical))),
             or_dash(on_mesh),
             path.points.len().to_string(),
             path.end.name().to_owned(),
-        ]);
+        ];
+        if parameter == PathParameter::Voltage {
+            row.insert(2, or_dash(critical.map(|critical| with_error(&critical))));
+        }
+        table.add_row(row);
     }
     table
 }
 
-fn document(PatternPath { path, critical }: &PatternPath) -> Value {
+fn document(PatternPath { path, critical }: &PatternPath, controlled: &Controlled) -> Value {
     let points = path.points.iter().map(|p| {
-        json!({
+        let mut point = json!({
             "voltage": p.voltage,
             "max_displacement": p.max_displacement,
             "displacement": p.displacement,
             "smallest_eigenvalue": p.smallest_eigenvalue,
             "negative_eigenvalues": p.negative_eigenvalues,
             "stable": p.stable,
-        })
+        });
+        if controlled.parameter != PathParameter::Voltage {
+            point["share"] = json!(p.share);
+        }
+        if let Some(sides) = &p.sides {
+            extend(&mut point, of_sides(sides, controlled));
+        }
+        point
     });
     let events: Vec<Value> = path
         .events
         .iter()
-        .map(|event| json!({ "kind": event.kind.name(), "voltage": event.voltage, "point": event.point }))
+        .map(|event| {
+            let mut one = json!({ "kind": event.kind.name(), "voltage": event.voltage, "point": event.point });
+            if controlled.parameter != PathParameter::Voltage {
+                one["share"] = json!(event.share);
+            }
+            one
+        })
         .collect();
     let limit = path.limit().zip(*critical).map(|(limit, critical)| {
         let meshes: Vec<Value> = std::iter::once(critical.coarse)
@@ -149,32 +312,25 @@ fn document(PatternPath { path, critical }: &PatternPath) -> Value {
     })
 }
 
+/// Describes the motions of bars and the forces of sides.
+fn of_sides(sides: &SideState, controlled: &Controlled) -> Value {
+    let bars = controlled.bars.iter().zip(&sides.bars).map(|(edge, motion)| {
+        let own = json!({ "translation_mm": motion.translation, "rotation_deg": motion.rotation });
+        (edge.name().to_owned(), own)
+    });
+    let reactions = Edge::ALL
+        .iter()
+        .zip(sides.reactions)
+        .map(|(edge, force)| (edge.name().to_owned(), json!(force)));
+    json!({ "bars": Value::Object(bars.collect()), "reactions_n": Value::Object(reactions.collect()) })
+}
+
 fn on_mesh(limit: MeshLimit) -> Value {
     json!({
         "elements_per_cell": limit.mesh.elements_per_cell(),
         "order": limit.mesh.order().degree(),
         "voltage": limit.voltage,
     })
-}
-
-/// Returns the curve of a path in the figure.
-fn branch((index, PatternPath { path, critical }): (usize, &PatternPath)) -> Branch {
-    let limit = path.limit().zip(*critical).and_then(|(limit, critical)| {
-        let at = path.points.get(limit.point)?;
-        Some(Limit {
-            name: limit.kind.name().to_owned(),
-            voltage: critical.voltage,
-            error: critical.error,
-            displacement: at.displacement,
-        })
-    });
-    Branch {
-        name: format!("pattern {index}"),
-        voltage: path.points.iter().map(|p| p.voltage).collect(),
-        displacement: path.points.iter().map(|p| p.displacement).collect(),
-        stable: path.points.iter().map(|p| p.stable).collect(),
-        limit,
-    }
 }
 
 fn load_paths(patterns: &[Pattern], followed: &[PatternPath], scene: Scene) -> LoadPaths {
@@ -191,6 +347,9 @@ fn load_paths(patterns: &[Pattern], followed: &[PatternPath], scene: Scene) -> L
     };
     let events: Vec<(PathEvent, u64)> = paths.iter().zip(&point_offsets).flat_map(with_offset).collect();
     let limit = |path: &&LoadPath| path.limit().map_or("none", |limit| limit.kind.name()).to_owned();
+    let sides = || points().filter_map(|point| point.sides.as_ref());
+    let bars = || sides().flat_map(|sides| &sides.bars);
+    let (has_sides, has_bars) = (sides().next().is_some(), bars().next().is_some());
     LoadPaths {
         patterns: patterns.to_vec(),
         electrodes: DrawnElectrodes::of(patterns),
@@ -217,6 +376,14 @@ fn load_paths(patterns: &[Pattern], followed: &[PatternPath], scene: Scene) -> L
             .map(|path| path.watched.map(|corner| corner as u64))
             .collect(),
         end: paths.iter().map(|path| path.end.name().to_owned()).collect(),
+        share: (paths.iter().any(|path| path.parameter != PathParameter::Voltage))
+            .then(|| points().map(|p| p.share).collect()),
+        event_share: (paths.iter().any(|path| path.parameter != PathParameter::Voltage))
+            .then(|| events.iter().map(|(event, _)| event.share).collect()),
+        bar_translation: has_bars.then(|| Packed(bars().flat_map(|bar| bar.translation).collect())),
+        bar_rotation: has_bars.then(|| Packed(bars().map(|bar| bar.rotation).collect())),
+        reaction: has_sides.then(|| Packed(sides().flat_map(|side| side.reactions).flatten().collect())),
+        rest: paths.iter().map(|path| path.rest.clone()).collect(),
         scene,
     }
 }
@@ -230,8 +397,8 @@ fn offsets(lengths: impl Iterator<Item = usize>) -> Vec<u64> {
 }
 
 /// Returns all points as comma-separated values with a header.
-fn points_table(paths: &[PatternPath]) -> Result<String, CliError> {
-    let header = [
+fn points_table(paths: &[PatternPath], controlled: &Controlled) -> Result<String, CliError> {
+    let mut header: Vec<String> = [
         "pattern",
         "voltage_V",
         "max_displacement_mm",
@@ -240,11 +407,30 @@ fn points_table(paths: &[PatternPath]) -> Result<String, CliError> {
         "negative_eigenvalues",
         "stable",
         "event",
-    ];
+    ]
+    .map(str::to_owned)
+    .into();
+    let has_sides = paths
+        .iter()
+        .flat_map(|one| &one.path.points)
+        .any(|point| point.sides.is_some());
+    if controlled.parameter != PathParameter::Voltage {
+        header.push("share".to_owned());
+    }
+    if has_sides {
+        for edge in &controlled.bars {
+            header.extend(["x_mm", "y_mm", "turn_deg"].map(|what| format!("bar_{}_{what}", edge.name())));
+        }
+        header.extend(
+            Edge::ALL
+                .iter()
+                .flat_map(|edge| ["x_N", "y_N"].map(|what| format!("reaction_{}_{what}", edge.name()))),
+        );
+    }
     let rows = paths.iter().enumerate().flat_map(|(index, PatternPath { path, .. })| {
         path.points.iter().enumerate().map(move |(row, point)| {
             let event = path.events.iter().find(|event| event.point == row);
-            vec![
+            let mut row = vec![
                 index.to_string(),
                 point.voltage.to_string(),
                 point.max_displacement.to_string(),
@@ -253,8 +439,20 @@ fn points_table(paths: &[PatternPath]) -> Result<String, CliError> {
                 point.negative_eigenvalues.to_string(),
                 u8::from(point.stable).to_string(),
                 event.map_or("", |event| event.kind.name()).to_owned(),
-            ]
+            ];
+            if controlled.parameter != PathParameter::Voltage {
+                row.push(point.share.to_string());
+            }
+            if let Some(sides) = &point.sides {
+                let bars = sides
+                    .bars
+                    .iter()
+                    .flat_map(|bar| [bar.translation[0], bar.translation[1], bar.rotation]);
+                let numbers = bars.chain(sides.reactions.into_iter().flatten());
+                row.extend(numbers.map(|value| value.to_string()));
+            }
+            row
         })
     });
-    csv::text(&header.map(str::to_owned), rows)
+    csv::text(&header, rows)
 }

@@ -15,6 +15,8 @@ use crate::newton::{Workspace, norm};
 use crate::operator::Operator;
 use crate::stability::LOOSE;
 
+use super::PathParameter;
+
 /// Factors are kept if an iteration reduces the residual by at least this factor.
 const GOOD_REDUCTION: f64 = 0.25;
 /// Maximum number of iterations of a corrector, and of factorisations in it.
@@ -24,6 +26,14 @@ const MAX_FACTORISATIONS: u32 = 4;
 const ROUNDING: f64 = 1e-14;
 /// Change of the load for its derivative, in units of the curve.
 const LOAD_DIFFERENCE: f64 = 1e-3;
+
+/// The start of a curve on which something else than the voltage changes.
+pub struct CurveStart {
+    /// What changes.
+    pub parameter: PathParameter,
+    /// The equilibrium at a share of 0.
+    pub u: Vec<f64>,
+}
 
 /// A direction along the curve, of unit length.
 struct Tangent {
@@ -35,7 +45,7 @@ struct Tangent {
 pub struct CurvePoint {
     /// Displacements.
     pub u: Vec<f64>,
-    /// Share of the full load.
+    /// Share of what changes along the curve.
     pub share: f64,
     /// Negative eigenvalues of the tangent matrix.
     pub negative: usize,
@@ -52,7 +62,7 @@ pub struct CurvePoint {
 }
 
 impl CurvePoint {
-    /// Returns whether the load rises along the curve.
+    /// Returns whether the share rises along the curve.
     pub fn rises(&self) -> bool {
         self.tangent.share > 0.0
     }
@@ -87,16 +97,22 @@ pub struct Step {
 pub struct Curve<'a, F> {
     problem: &'a Problem<'a, F>,
     structure: Arc<Structure>,
-    /// The unit of loads: the share at which a fully active membrane loses stability.
+    /// What changes; the full load is proportional to V².
+    parameter: PathParameter,
+    /// The start, where that is not the voltage.
+    start: Option<Vec<f64>>,
+    /// The displacement of the nodes of bars with their full given motions, where these change.
+    given: Vec<f64>,
+    /// The unit of shares: of the voltage the share at which a fully active membrane loses stability.
     unit: f64,
-    /// The unit of displacements: the norm of the linear response to that load; zero if nothing moves.
+    /// The unit of displacements: the norm of the linear response to one unit; zero if nothing moves.
     movement: f64,
-    /// The norm of the residual at rest at that load.
+    /// The norm of the residual at the start for one unit.
     reference: f64,
 }
 
 impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
-    /// Creates the curve through rest; `None` if memory is short.
+    /// Creates the curve of rising voltage through rest; `None` if memory is short.
     pub fn new(problem: &'a Problem<'a, F>) -> Option<Self> {
         let material = (problem.material)(1.0);
         let unit = 0.5 * material.largest_load() / material.load();
@@ -104,6 +120,9 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
         let mut curve = Self {
             problem,
             structure,
+            parameter: PathParameter::Voltage,
+            start: None,
+            given: Vec::new(),
             unit,
             movement: 0.0,
             reference: 0.0,
@@ -119,14 +138,44 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
         Some(curve)
     }
 
-    /// Returns the unit of loads.
+    /// Creates the curve through a state at a share of 0; `None` if memory is short.
+    pub fn through(problem: &'a Problem<'a, F>, CurveStart { parameter, u }: CurveStart) -> Option<Self> {
+        let grid = problem.activity.grid();
+        let mut given = Vec::new();
+        if let Some(supports) = grid.supports().filter(|_| parameter == PathParameter::Displacement) {
+            given = vec![0.0; u.len()];
+            supports.give_motions(1.0, &mut given);
+        }
+        let mut curve = Self {
+            problem,
+            structure: Structure::new(grid)?,
+            parameter,
+            start: None,
+            given,
+            unit: 1.0,
+            movement: 0.0,
+            reference: 0.0,
+        };
+        curve.reference = norm(&curve.force_per_share(&u, 0.0));
+        curve.movement = norm(&curve.slope(&curve.factors(&u, 0.0)?, &u, 0.0));
+        curve.start = Some(u);
+        Some(curve)
+    }
+
+    /// Returns the unit of shares.
     pub fn unit(&self) -> f64 {
         self.unit
     }
 
-    /// Returns whether there is no electrode, so that the load has no effect.
+    /// Returns the share at which the curve is complete; `None` of the voltage, which is followed as far as possible.
+    pub fn last_share(&self) -> Option<f64> {
+        (self.parameter != PathParameter::Voltage).then_some(1.0)
+    }
+
+    /// Returns whether there is no electrode, so that the voltage has no effect.
     pub fn is_bare(&self) -> bool {
-        self.problem.activity.elements().iter().all(|&active| active == 0.0)
+        let is_voltage = self.parameter == PathParameter::Voltage;
+        is_voltage && self.problem.activity.elements().iter().all(|&active| active == 0.0)
     }
 
     /// Returns the distance of a state from rest.
@@ -134,8 +183,11 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
         self.product(&at.u, at.share, &at.u, at.share).sqrt()
     }
 
-    /// Returns the state at rest, with the tangent in the direction of rising load.
-    pub fn rest(&self) -> Option<CurvePoint> {
+    /// Returns the first state, with the tangent in the direction of a rising share.
+    pub fn first(&self) -> Option<CurvePoint> {
+        if let Some(start) = &self.start {
+            return self.station(start.clone(), 0.0, None);
+        }
         let mut u = vec![0.0; self.problem.activity.grid().layout().vector_len()];
         let mut workspace = Workspace::new(u.len(), self.problem.laplacian);
         self.problem.rest(&mut u, &mut workspace).ok()?;
@@ -167,8 +219,7 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
         let Tangent { u: along, share: rise } = &from.tangent;
         let mut u: Vec<f64> = from.u.iter().zip(along).map(|(u, t)| u + arc * t).collect();
         let mut share = from.share + arc * rise;
-        let grid = self.problem.activity.grid();
-        grid.settle(&mut u);
+        self.settle(share, &mut u);
         let mut refreshed: Option<(Factorisation, Vec<f64>)> = None;
         let (mut last, mut renewals) = (f64::INFINITY, 0);
         for _ in 0..MAX_ITERATIONS {
@@ -198,14 +249,26 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
             let shift = self.product(&back, 0.0, along, 0.0) / self.product(slope, 1.0, along, *rise);
             let changes = back.iter().zip(slope).map(|(b, s)| shift * s - b);
             u.iter_mut().zip(changes).for_each(|(u, change)| *u += change);
-            grid.settle(&mut u);
             share += shift;
+            self.settle(share, &mut u);
         }
         None
     }
 
+    /// Corrects a displacement so that the motion of every body is rigid, and that of bars as given.
+    fn settle(&self, share: f64, u: &mut [f64]) {
+        let grid = self.problem.activity.grid();
+        grid.settle(u);
+        if let Some(supports) = grid.supports().filter(|_| !self.given.is_empty()) {
+            supports.give_motions(share, u);
+        }
+    }
+
     /// Returns the norm of the residual to be reached.
     fn goal(&self, share: f64) -> f64 {
+        if self.parameter != PathParameter::Voltage {
+            return self.problem.tolerance * self.reference;
+        }
         let relative = (share / self.unit).abs();
         let load = (self.problem.material)(1.0).load() * self.unit;
         let rounding = ROUNDING * (self.problem.activity.grid().layout().vector_len() as f64).sqrt() * load;
@@ -246,8 +309,16 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
     }
 
     fn with_operator<R>(&self, share: f64, work: impl FnOnce(&Operator<'_, L>) -> R) -> R {
-        let material = (self.problem.material)(share);
-        work(&Operator::new(&material, self.problem.activity))
+        let (voltage, loads) = match self.parameter {
+            PathParameter::Voltage => (share, 1.0),
+            PathParameter::Load => (1.0, share),
+            PathParameter::Displacement => (1.0, 1.0),
+        };
+        let material = (self.problem.material)(voltage);
+        work(&Operator {
+            body_load: loads,
+            ..Operator::new(&material, self.problem.activity)
+        })
     }
 
     /// Returns the residual and the smallest det f.
@@ -263,10 +334,25 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
 
     /// du/dshare along the curve.
     fn slope(&self, factors: &Factorisation, u: &[f64], share: f64) -> Vec<f64> {
+        let mut slope = factors.solve(&self.force_per_share(u, share));
+        slope
+            .iter_mut()
+            .zip(&self.given)
+            .for_each(|(slope, given)| *slope += given);
+        slope
+    }
+
+    /// Returns the decrease of the residual with the share at constant displacement, but for given motions.
+    fn force_per_share(&self, u: &[f64], share: f64) -> Vec<f64> {
+        if !self.given.is_empty() {
+            let mut force = vec![0.0; u.len()];
+            self.with_operator(share, |operator| operator.tangent(u, &self.given, &mut force));
+            force.iter_mut().for_each(|force| *force = -*force);
+            return force;
+        }
         let difference = LOAD_DIFFERENCE * self.unit;
         let (low, high) = ((share - difference).max(0.0), share + difference);
         let (below, above) = (self.residual(u, low).0, self.residual(u, high).0);
-        let force: Vec<f64> = below.iter().zip(above).map(|(b, a)| (b - a) / (high - low)).collect();
-        factors.solve(&force)
+        below.iter().zip(above).map(|(b, a)| (b - a) / (high - low)).collect()
     }
 }

@@ -1,4 +1,5 @@
-//! Load paths: equilibria of a membrane from rest to the loss of stability and beyond.
+//! Load paths: equilibria of a membrane from rest to the loss of stability and beyond, with rising voltage, or at
+//! constant voltage with rising loads or given motions of bars.
 //!
 //! A solution at one voltage shows whether the membrane is stable there. A path shows how it gets there and what ends
 //! it: a fold, where the voltage has a maximum along the curve of equilibria and the membrane snaps; a bifurcation,
@@ -7,16 +8,58 @@
 pub(super) mod curve;
 pub(super) mod trace;
 
-use deaflow_field::Field;
+use deaflow_field::{Field, Motion};
 use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
 
 use super::effects::WithMaterial;
+use super::error::SetupError;
+use super::layout::SIDES;
 use super::material::Material;
 use super::operator::Activity;
-use super::solver::MembraneSolver;
+use super::reactions::SideForces;
+use super::solver::{MembraneSolver, SolveOptions};
 
-use curve::Curve;
+use curve::{Curve, CurveStart};
 use trace::{PathState, Trace, follow};
+
+/// What changes along a path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PathParameter {
+    /// The voltage, from 0 and whatever that of the scene is, under the loads of the scene.
+    Voltage,
+    /// The forces on sides, bars and bodies, from 0 to those of the scene, at its voltage.
+    Load,
+    /// The given displacements of bars, from 0 to those of the scene, at its voltage.
+    Displacement,
+}
+
+impl PathParameter {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Voltage, Self::Load, Self::Displacement];
+
+    /// Returns the word for it: `voltage`, `load`, `displacement`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Voltage => "voltage",
+            Self::Load => "load",
+            Self::Displacement => "displacement",
+        }
+    }
+
+    /// Returns the scene at the start of a path; `None` if that differs from the scene only by the voltage.
+    fn start(self, scene: &Scene) -> Result<Option<Scene>, SetupError> {
+        match self {
+            Self::Voltage => Ok(None),
+            Self::Load => scene.without_loads().map(Some).ok_or(SetupError::NoLoads),
+            Self::Displacement => scene
+                .without_displacements()
+                .map(Some)
+                .ok_or(SetupError::NoDisplacements),
+        }
+    }
+}
 
 /// Kind of an event on a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,6 +100,8 @@ pub enum PathEnd {
     Recovered,
     /// 50 times the critical voltage of a fully active membrane was reached without a limit.
     NoLimit,
+    /// The full loads or displacements of the scene were reached.
+    Complete,
     /// The maximum number of points was reached.
     Points,
     /// The next point was not found.
@@ -64,7 +109,8 @@ pub enum PathEnd {
 }
 
 impl PathEnd {
-    /// Returns the word used in files: `not-elliptic`, `slack`, `squeezed`, `recovered`, `no-limit`, `points`, `lost`.
+    /// Returns the word used in files: `not-elliptic`, `slack`, `squeezed`, `recovered`, `no-limit`, `complete`,
+    /// `points`, `lost`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -73,6 +119,7 @@ impl PathEnd {
             Self::Squeezed => "squeezed",
             Self::Recovered => "recovered",
             Self::NoLimit => "no-limit",
+            Self::Complete => "complete",
             Self::Points => "points",
             Self::Lost => "lost",
         }
@@ -84,16 +131,29 @@ impl PathEnd {
 pub struct PathPoint {
     /// Voltage in V.
     pub voltage: f64,
-    /// Largest displacement at a cell corner in mm.
+    /// Share of the loads or displacements of the scene; 1 where the voltage changes.
+    pub share: f64,
+    /// Largest displacement at a cell corner in mm: from the first point where sides are not held, else from the mount.
     pub max_displacement: f64,
-    /// Displacement in mm at the corner of [`LoadPath::watched`].
+    /// Such a displacement in mm at the corner of [`LoadPath::watched`].
     pub displacement: f64,
+    /// What the sides do, if not all are held.
+    pub sides: Option<SideState>,
     /// The smallest eigenvalue μ of K v = μ L v, with the Laplacian L: near 1 at rest, zero at the loss of stability.
     pub smallest_eigenvalue: f64,
     /// Number of negative eigenvalues of the tangent.
     pub negative_eigenvalues: usize,
     /// Whether the state is stable: no negative eigenvalue, and elliptic everywhere.
     pub stable: bool,
+}
+
+/// What sides do in a state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SideState {
+    /// The motions of bars from the mount, in the order of `Edge`.
+    pub bars: Vec<Motion>,
+    /// The force of each side on the membrane in N, in the order of `Edge`.
+    pub reactions: [[f64; 2]; SIDES],
 }
 
 /// An event on a path.
@@ -103,6 +163,8 @@ pub struct PathEvent {
     pub kind: EventKind,
     /// Voltage in V, to one part in 10⁴ or better.
     pub voltage: f64,
+    /// Share of the loads or displacements of the scene, as accurate; 1 where the voltage changes.
+    pub share: f64,
     /// Index of the point just before it.
     pub point: usize,
 }
@@ -110,7 +172,9 @@ pub struct PathEvent {
 /// The path of one pattern.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoadPath {
-    /// Points in order from rest. The voltage falls after a fold.
+    /// What changes along it.
+    pub parameter: PathParameter,
+    /// Points in order from rest. The voltage, or what else changes, falls after a fold.
     pub points: Vec<PathPoint>,
     /// Events in order; the first one ends the stable part.
     pub events: Vec<PathEvent>,
@@ -118,82 +182,181 @@ pub struct LoadPath {
     pub end: PathEnd,
     /// The cell corner (column, row) that moves most at the limit, or at the end without a limit.
     pub watched: [usize; 2],
-    /// Displacement there.
+    /// Displacement there from the mount.
     pub limit_field: Field,
+    /// Displacement of the first point from the mount, if not all sides are held.
+    pub rest: Option<Field>,
 }
 
 impl LoadPath {
-    /// Returns the event that ends the stable part from rest, at the highest stable voltage.
+    /// Returns the event that ends the stable part, at the highest stable voltage, load or displacement.
     #[must_use]
     pub fn limit(&self) -> Option<PathEvent> {
         self.events.first().copied()
     }
 }
 
+/// Why there is no path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NoPath {
+    /// Sides, bars or bodies are loaded or released, and there is no stable state at the start.
+    Start,
+    /// Memory for the factors of the tangent is short.
+    Memory,
+}
+
+/// Follows load paths of a scene.
+pub struct PathSolver {
+    parameter: PathParameter,
+    solver: MembraneSolver,
+    /// The solver of the first state, where that differs by more than the voltage.
+    start: Option<MembraneSolver>,
+}
+
+impl PathSolver {
+    /// Creates a solver of the paths along which something changes.
+    ///
+    /// # Errors
+    /// If the scene has no loads or given displacements that could change, or an option is out of range.
+    pub fn new(scene: &Scene, options: SolveOptions, parameter: PathParameter) -> Result<Self, SetupError> {
+        let start = parameter.start(scene)?;
+        Ok(Self {
+            parameter,
+            solver: MembraneSolver::new(scene, options)?,
+            start: start.map(|start| MembraneSolver::new(&start, options)).transpose()?,
+        })
+    }
+
+    /// Returns the solver of single states.
+    #[must_use]
+    pub fn solver(&self) -> &MembraneSolver {
+        &self.solver
+    }
+
+    /// Follows the path of one pattern.
+    ///
+    /// # Errors
+    /// If there is no stable first state, or memory is short.
+    pub fn path(&self, pattern: &Pattern) -> Result<LoadPath, NoPath> {
+        let Some(start) = &self.start else {
+            let is_known = !self.solver.lacks_rest(pattern);
+            let path = is_known.then(|| self.solver.path(pattern)).ok_or(NoPath::Start)?;
+            return path.ok_or(NoPath::Memory);
+        };
+        let first = start.solve(pattern);
+        if !first.outcome.is_converged() {
+            return Err(NoPath::Start);
+        }
+        let path = self.solver.model.with(Follow {
+            solver: &self.solver,
+            pattern,
+            activity: &self.solver.model.activity(&self.solver.grid, pattern),
+            voltage: self.solver.scene.voltage_v(),
+            parameter: self.parameter,
+            start: Some(first.displacement),
+        });
+        path.ok_or(NoPath::Memory)
+    }
+}
+
 impl MembraneSolver {
     /// Follows the path of one pattern from rest, whatever the voltage of the scene. `None` if memory is short,
-    /// or if there is no state at rest: see [`MembraneSolver::lacks_rest`].
+    /// or if there is no state at rest.
     #[must_use]
     pub fn path(&self, pattern: &Pattern) -> Option<LoadPath> {
         let (model, voltage) = self.driven().ok()?;
         model.with(Follow {
             solver: self,
+            pattern,
             activity: &model.activity(&self.grid, pattern),
             voltage,
+            parameter: PathParameter::Voltage,
+            start: None,
         })
     }
 }
 
 struct Follow<'a> {
     solver: &'a MembraneSolver,
+    pattern: &'a Pattern,
     activity: &'a Activity,
     /// Voltage at the full load.
     voltage: f64,
+    parameter: PathParameter,
+    /// The first state, where something else than the voltage changes.
+    start: Option<Vec<f64>>,
 }
 
-/// Data kept of a state.
+/// Data kept of a state: displacements of points are added when all are known.
 type Kept = (PathPoint, Field);
 
 impl Follow<'_> {
-    fn keep(&self, state: PathState) -> Kept {
-        let solver = self.solver;
-        let field = solver.grid.sample(&state.u);
+    /// Returns the voltage and the share of loads or displacements at a share of what changes.
+    fn at(&self, share: f64) -> (f64, f64) {
+        match self.parameter {
+            PathParameter::Voltage => (share.max(0.0).sqrt() * self.voltage, 1.0),
+            PathParameter::Load | PathParameter::Displacement => (self.voltage, share),
+        }
+    }
+
+    fn keep(&self, state: PathState, reactions: Option<[[f64; 2]; SIDES]>) -> Kept {
+        let grid = &self.solver.grid;
+        let (voltage, share) = self.at(state.share);
         let point = PathPoint {
-            voltage: state.share.max(0.0).sqrt() * self.voltage,
-            max_displacement: field.max_magnitude(),
+            voltage,
+            share,
+            max_displacement: 0.0,
             displacement: 0.0,
+            sides: reactions.map(|reactions| SideState {
+                bars: grid.bar_motions(&state.u).unwrap_or_default(),
+                reactions,
+            }),
             smallest_eigenvalue: state.eigenvalue,
             negative_eigenvalues: state.negative,
             stable: state.stable,
         };
-        (point, field)
+        (point, grid.sample(&state.u))
     }
 
     fn finish(&self, trace: Trace<Kept>) -> Option<LoadPath> {
-        let event = |event: &trace::TraceEvent| PathEvent {
-            kind: event.kind,
-            voltage: event.share.max(0.0).sqrt() * self.voltage,
-            point: event.state,
+        let event = |event: &trace::TraceEvent| {
+            let (voltage, share) = self.at(event.share);
+            PathEvent {
+                kind: event.kind,
+                voltage,
+                share,
+                point: event.state,
+            }
         };
         let events: Vec<PathEvent> = trace.events.iter().map(event).collect();
         let at = events
             .first()
             .map_or(trace.states.len().checked_sub(1)?, |limit| limit.point);
         let limit_field = trace.states.get(at)?.1.clone();
-        let watched = furthest(&limit_field);
-        let points = trace.states.into_iter().map(|(point, field)| {
-            let [x, y] = field.at_corner(watched[0], watched[1]);
+        let first = trace.states.first().map(|(_, field)| field.clone())?;
+        let rest = self.solver.grid.boundary().is_some().then_some(first);
+        let moved = |field: &Field| match &rest {
+            Some(rest) => field.minus(rest),
+            None => field.clone(),
+        };
+        let watched = moved(&limit_field).most_moved();
+        let points = trace.states.iter().map(|(point, field)| {
+            let moved = moved(field);
+            let [x, y] = moved.at_corner(watched[0], watched[1]);
             PathPoint {
+                max_displacement: moved.max_magnitude(),
                 displacement: x.hypot(y),
-                ..point
+                ..point.clone()
             }
         });
         Some(LoadPath {
+            parameter: self.parameter,
             points: points.collect(),
             events,
             end: trace.end,
             watched,
             limit_field,
+            rest,
         })
     }
 }
@@ -201,21 +364,30 @@ impl Follow<'_> {
 impl WithMaterial for Follow<'_> {
     type Output = Option<LoadPath>;
 
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<LoadPath> {
-        let problem = self.solver.problem(self.activity, material);
-        let curve = Curve::new(&problem)?;
-        let trace = follow(&curve, |state| self.keep(state));
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(mut self, material: F) -> Option<LoadPath> {
+        let solver = self.solver;
+        let forces = SideForces::new(solver, self.pattern);
+        let problem = solver.problem(self.activity, &material);
+        let curve = match self.start.take() {
+            Some(u) => Curve::through(
+                &problem,
+                CurveStart {
+                    parameter: self.parameter,
+                    u,
+                },
+            )?,
+            None => Curve::new(&problem)?,
+        };
+        let trace = follow(&curve, |state| {
+            let (voltage, load) = match self.parameter {
+                PathParameter::Voltage => (state.share, 1.0),
+                PathParameter::Load | PathParameter::Displacement => (1.0, state.share),
+            };
+            let reactions = forces
+                .as_ref()
+                .map(|forces| forces.at(&material(voltage), load, &state.u));
+            self.keep(state, reactions)
+        });
         self.finish(trace)
     }
-}
-
-/// Returns the corner that moves most.
-fn furthest(field: &Field) -> [usize; 2] {
-    let [columns, rows] = field.raster().corner_sides();
-    let corners = (0..rows).flat_map(|y| (0..columns).map(move |x| [x, y]));
-    let size = |[x, y]: [usize; 2]| {
-        let [a, b] = field.at_corner(x, y);
-        a.hypot(b)
-    };
-    corners.max_by(|a, b| size(*a).total_cmp(&size(*b))).unwrap_or_default()
 }

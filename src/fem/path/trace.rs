@@ -15,6 +15,8 @@ const NEAR: f64 = 1.0;
 const MIN_STEP: f64 = 1e-7;
 /// Steps with a smaller cosine of the angle between their ends are halved.
 const MIN_COSINE: f64 = 0.97;
+/// Relative accuracy of the last share of a path that is complete.
+const LAST: f64 = 1e-9;
 /// Maximum number of points.
 const MAX_POINTS: usize = 240;
 /// Elements with less than this share of their area end the path.
@@ -30,7 +32,7 @@ const FOLD_WIDTH: f64 = 1e-3;
 pub struct PathState {
     /// Displacements.
     pub u: Vec<f64>,
-    /// Share of the full load.
+    /// Share of what changes along the path.
     pub share: f64,
     /// Negative eigenvalues of the tangent matrix.
     pub negative: usize,
@@ -44,7 +46,7 @@ pub struct PathState {
 pub struct TraceEvent {
     /// Kind.
     pub kind: EventKind,
-    /// Share of the full load.
+    /// Share of what changes along the path.
     pub share: f64,
     /// Index of the state before it.
     pub state: usize,
@@ -72,8 +74,8 @@ pub fn follow<L: Material, F: Fn(f64) -> L, M>(curve: &Curve<'_, F>, keep: impl 
             end: PathEnd::Lost,
         },
     };
-    if let Some(rest) = curve.rest() {
-        tracer.trace.end = tracer.follow(rest);
+    if let Some(first) = curve.first() {
+        tracer.trace.end = tracer.follow(first);
     }
     tracer.trace
 }
@@ -86,8 +88,8 @@ struct Tracer<'a, F, K, M> {
 }
 
 impl<L: Material, F: Fn(f64) -> L, K: Fn(PathState) -> M, M> Tracer<'_, F, K, M> {
-    fn follow(&mut self, rest: CurvePoint) -> PathEnd {
-        let mut here = rest;
+    fn follow(&mut self, first: CurvePoint) -> PathEnd {
+        let mut here = first;
         let mut arc = FIRST_STEP;
         self.record(&here);
         while self.trace.states.len() < MAX_POINTS {
@@ -104,6 +106,10 @@ impl<L: Material, F: Fn(f64) -> L, K: Fn(PathState) -> M, M> Tracer<'_, F, K, M>
                 }
                 continue;
             };
+            if let Some(shorter) = self.before_last(&here, &step.to, arc) {
+                arc = shorter;
+                continue;
+            }
             let next = if self.has_event(&here, &step.to) {
                 self.locate(here, step.to, arc)
             } else {
@@ -116,16 +122,27 @@ impl<L: Material, F: Fn(f64) -> L, K: Fn(PathState) -> M, M> Tracer<'_, F, K, M>
         PathEnd::Points
     }
 
+    /// Returns the arc length to the last share, if a step went beyond.
+    fn before_last(&self, here: &CurvePoint, to: &CurvePoint, arc: f64) -> Option<f64> {
+        let last = self.curve.last_share()?;
+        let is_beyond = to.share > last * (1.0 + LAST) && arc > MIN_STEP;
+        is_beyond.then(|| arc * (last * (1.0 + 0.5 * LAST) - here.share) / (to.share - here.share))
+    }
+
     /// Returns why the path ends at a state, if it does.
     fn end(&self, at: &CurvePoint) -> Option<PathEnd> {
         let first = self.trace.events.first();
-        let recovered = first.is_some_and(|first| at.is_stable() && at.share > RECOVERY_RANGE * first.share);
+        let last = self.curve.last_share();
+        let is_far = |first: &TraceEvent| at.is_stable() && at.share > RECOVERY_RANGE * first.share;
+        let recovered = last.is_none() && first.is_some_and(is_far);
         if at.ellipticity <= 0.0 {
             Some(PathEnd::NotElliptic)
         } else if at.is_slack() {
             Some(PathEnd::Slack)
         } else if at.smallest_det < MIN_AREA {
             Some(PathEnd::Squeezed)
+        } else if last.is_some_and(|last| at.share >= last) {
+            Some(PathEnd::Complete)
         } else if at.share > MAX_PATH_LOAD * self.curve.unit() || self.curve.is_bare() {
             Some(PathEnd::NoLimit)
         } else if recovered {

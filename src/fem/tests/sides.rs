@@ -407,3 +407,119 @@ fn gradients_on_free_sides_are_those_of_differences() {
     let weights = Field::from_values(raster, weights).unwrap();
     check_gradient(&scene, &solver, &pattern, &weights, 0..raster.cells());
 }
+
+/// The voltage at which κ = ε(V/H)²/μ has a value.
+fn voltage_for(kappa: f64) -> f64 {
+    (kappa / uniform(1.0, "free", "free", 1.0).kappa()).sqrt()
+}
+
+fn path_of(scene: &Scene, parameter: PathParameter) -> LoadPath {
+    let options = SolveOptions {
+        mesh: Mesh::bilinear(1),
+        tolerance: 1e-10,
+    };
+    let pattern = Pattern::from_fn(scene.membrane().raster, |_, _| true);
+    PathSolver::new(scene, options, parameter)
+        .unwrap()
+        .path(&pattern)
+        .unwrap()
+}
+
+#[test]
+fn a_path_of_the_load_follows_the_closed_form_past_the_largest_load() {
+    // At a constant voltage, s = l − l⁻²(1 − κl²)^(−½) has a maximum. The full load is s = 3.
+    let kappa: f64 = 0.1;
+    let load = |l: f64| l - 1.0 / (l * l * (1.0 - kappa * l * l).sqrt());
+    let scene = uniform(1.0, "{ load: [2.7 N, 0 N] }", "free", voltage_for(kappa));
+    let path = path_of(&scene, PathParameter::Load);
+    let rest = path.rest.as_ref().unwrap().at_corner(3, 2);
+    let stretch_across = |l: f64| ((1.0 - kappa * l * l).sqrt() * l).powf(-0.5);
+    let moved = |l: f64| (30.0 * (l - 1.0) - rest[0]).hypot(20.0 * (stretch_across(l) - 1.0) - rest[1]);
+    let (peak, largest) = (1000..3162)
+        .map(|l| (1e-3 * f64::from(l), load(1e-3 * f64::from(l))))
+        .fold((0.0, 0.0), |best, one| if one.1 > best.1 { one } else { best });
+    let limit = path.limit().unwrap();
+    assert_eq!((limit.kind, path.parameter), (EventKind::Fold, PathParameter::Load));
+    assert!(
+        (3.0 * limit.share / largest - 1.0).abs() < 1e-5,
+        "{} {largest}",
+        3.0 * limit.share
+    );
+    assert!(load(1.0 + rest[0] / 30.0).abs() < 1e-8);
+    for (at, point) in path.points.iter().enumerate() {
+        assert_eq!((point.voltage, point.stable), (scene.voltage_v(), at <= limit.point));
+        let (mut low, mut high) = if at <= limit.point { (0.9, peak) } else { (3.16, peak) };
+        for _ in 0..100 {
+            let middle = 0.5 * (low + high);
+            if load(middle) < 3.0 * point.share {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        let error = (point.displacement - moved(low)).abs();
+        // The load hardly changes with the stretch near the fold.
+        let near = (point.share / limit.share - 1.0).abs() < 1e-3;
+        assert!(error < if near { 0.5 } else { 1e-5 }, "{point:?}: {error}");
+    }
+    let end = path.limit_field.at_corner(3, 2)[0];
+    assert!((load(1.0 + end / 30.0) / largest - 1.0).abs() < 1e-4);
+}
+
+#[test]
+fn a_path_of_the_displacement_has_the_forces_of_pure_shear() {
+    let kappa: f64 = 0.05;
+    let scene = uniform(
+        2.0,
+        "{ bar: { displacement: [15 mm, 0 mm] } }",
+        "roller",
+        voltage_for(kappa),
+    );
+    let path = path_of(&scene, PathParameter::Displacement);
+    assert_eq!((path.end, path.limit()), (PathEnd::Complete, None));
+    assert!((path.points.last().unwrap().share - 1.0).abs() < 2e-9 && path.points.len() > 5);
+    for point in &path.points {
+        let sides = point.sides.as_ref().unwrap();
+        let l = 2.0 + point.share;
+        let stress = l - l.powi(-3) / 4.0 - kappa * 4.0 * l;
+        // μHW = 0.45 N.
+        let force = sides.reactions[1][0];
+        assert!((force - 0.45 * stress).abs() < 1e-9, "{force} {stress}");
+        assert!((sides.bars[0].translation[0] - 15.0 * point.share).abs() < 1e-9);
+        assert!((point.max_displacement - 15.0 * point.share).abs() < 1e-8 && point.stable);
+    }
+}
+
+#[test]
+fn paths_agree_with_solutions_of_a_strip_with_a_bar() {
+    let right = "{ bar: { load: [0.4 N, 0.05 N], at: 4 mm } }";
+    let scene = strip([40.0, 20.0], [2.0, 1.0], 4.0, right, 4000.0);
+    let pattern = cells_in(&scene, [4.0, 36.0], [0.0, 12.0]);
+    let options = SolveOptions {
+        mesh: Mesh::biquadratic(1),
+        tolerance: 1e-10,
+    };
+    let path = PathSolver::new(&scene, options, PathParameter::Load)
+        .unwrap()
+        .path(&pattern)
+        .unwrap();
+    assert_eq!(path.end, PathEnd::Complete);
+    let (found, _) = solved(&scene, Mesh::biquadratic(1), &pattern);
+    let last = path.points.last().unwrap().sides.as_ref().unwrap();
+    let (bar, reactions) = (found.observation.bars.unwrap()[0], found.observation.reactions.unwrap());
+    for c in 0..2 {
+        assert!(
+            (last.bars[0].translation[c] - bar.translation[c]).abs() < 1e-6,
+            "{last:?} {bar:?}"
+        );
+        assert!((0..4).all(|side| (last.reactions[side][c] - reactions[side][c]).abs() < 1e-7));
+    }
+    assert!((last.bars[0].rotation - bar.rotation).abs() < 1e-5);
+    for (parameter, error) in [
+        (PathParameter::Displacement, SetupError::NoDisplacements),
+        (PathParameter::Load, SetupError::NoLoads),
+    ] {
+        let unloaded = strip([40.0, 20.0], [2.0, 1.0], 4.0, "free", 0.0);
+        assert_eq!(PathSolver::new(&unloaded, options, parameter).err(), Some(error));
+    }
+}

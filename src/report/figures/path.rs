@@ -1,4 +1,4 @@
-//! Displacement over voltage, from rest past the loss of stability.
+//! Load paths: displacement or force over voltage, load or a given displacement, past the loss of stability.
 
 use deaflow_base::{four_digits, measured};
 
@@ -9,10 +9,10 @@ use crate::drawing::{Axis, Chart, Colour, FigureError, LARGE, MAX_NAMED, Mark, S
 pub struct Branch {
     /// Its name.
     pub name: String,
-    /// Voltage in V.
-    pub voltage: Vec<f64>,
-    /// Displacement of one point of the membrane, in mm.
-    pub displacement: Vec<f64>,
+    /// What changes, in the unit of its axis.
+    pub along: Vec<f64>,
+    /// The displacement or force, in the unit of its axis.
+    pub across: Vec<f64>,
     /// Whether the state is stable.
     pub stable: Vec<bool>,
     /// The end of the stable part that starts at rest.
@@ -24,52 +24,60 @@ pub struct Branch {
 pub struct Limit {
     /// What happens there.
     pub name: String,
-    /// Voltage in V.
-    pub voltage: f64,
-    /// Its error in V, if known.
+    /// What changes, in the unit of its axis.
+    pub along: f64,
+    /// Its error, if known.
     pub error: Option<f64>,
-    /// Displacement in mm.
-    pub displacement: f64,
+    /// The displacement or force, in the unit of its axis.
+    pub across: f64,
+}
+
+/// The axes of load paths.
+#[derive(Clone, Debug)]
+pub struct PathAxes {
+    /// What changes, with its unit.
+    pub along: String,
+    /// Its unit.
+    pub unit: String,
+    /// The displacement or force, with its unit.
+    pub across: String,
 }
 
 impl Limit {
-    /// Writes the voltage in kV, with its error.
-    fn kilovolts(&self) -> String {
-        let kilovolts = 1e-3 * self.voltage;
+    /// Writes where it is, with its error and unit.
+    fn place(&self, unit: &str) -> String {
         match self.error {
-            Some(error) => format!("{} kV", measured(kilovolts, 1e-3 * error)),
-            None => format!("{} kV", four_digits(kilovolts)),
+            Some(error) => format!("{} {unit}", measured(self.along, error)),
+            None => format!("{} {unit}", four_digits(self.along)),
         }
     }
 }
 
-/// Draws displacement over voltage, solid if stable and dashed if not, with the limits marked.
+/// Draws curves, solid if stable and dashed if not, with the limits marked.
 ///
 /// # Errors
 /// If there are no branches, or values are missing or not finite.
-fn paths_chart(branches: &[Branch]) -> Result<Chart, FigureError> {
+fn paths_chart(branches: &[Branch], names: &PathAxes) -> Result<Chart, FigureError> {
     let incomplete = |b: &Branch| {
-        let n = b.voltage.len();
-        let numbers = b.voltage.iter().chain(&b.displacement);
-        n == 0 || [b.displacement.len(), b.stable.len()] != [n; 2] || numbers.into_iter().any(|v| !v.is_finite())
+        let n = b.along.len();
+        let numbers = b.along.iter().chain(&b.across);
+        n == 0 || [b.across.len(), b.stable.len()] != [n; 2] || numbers.into_iter().any(|v| !v.is_finite())
     };
     if branches.is_empty() || branches.iter().any(incomplete) {
         return Err(FigureError::Data(
             "a load path needs a finite value at each point".into(),
         ));
     }
-    let kilovolts: Vec<f64> = branches.iter().flat_map(|b| &b.voltage).map(|v| 1e-3 * v).collect();
-    let millimetres = branches.iter().flat_map(|b| &b.displacement);
     let axes = [
-        Axis::above("Voltage [kV]", &kilovolts),
-        Axis::above("Displacement of the point that moves most [mm]", millimetres),
+        Axis::above(&names.along, branches.iter().flat_map(|b| &b.along)),
+        Axis::above(&names.across, branches.iter().flat_map(|b| &b.across)),
     ];
     let title = match branches {
         [one] => one
             .limit
             .as_ref()
             .map_or("Load path without a limit".to_owned(), |limit| {
-                format!("Load path: {} at {}", limit.name, limit.kilovolts())
+                format!("Load path: {} at {}", limit.name, limit.place(&names.unit))
             }),
         _ => "Load paths: stable solid, unstable dashed".to_owned(),
     };
@@ -86,7 +94,7 @@ fn paths_chart(branches: &[Branch]) -> Result<Chart, FigureError> {
 impl Branch {
     /// Draws the stable and unstable parts; the first one has the name.
     fn curve(&self, name: &str, colour: Colour) -> Vec<Series> {
-        let point = |k: usize| (1e-3 * self.voltage[k], self.displacement[k]);
+        let point = |k: usize| (self.along[k], self.across[k]);
         let n = self.stable.len();
         let mut runs = Vec::new();
         let mut first = 0;
@@ -107,11 +115,11 @@ impl Branch {
         let Some(limit) = &self.limit else {
             return Vec::new();
         };
-        let at = vec![(1e-3 * limit.voltage, limit.displacement)];
+        let at = vec![(limit.along, limit.across)];
         let mut marks = vec![Series::new("", colour, Mark::Dots, at.clone())];
         if let Some(error) = limit.error {
-            let ends = [limit.voltage - error, limit.voltage + error];
-            let bar = ends.map(|voltage| (1e-3 * voltage, limit.displacement)).to_vec();
+            let ends = [limit.along - error, limit.along + error];
+            let bar = ends.map(|along| (along, limit.across)).to_vec();
             marks.push(Series::new("", colour, Mark::Line, bar));
         }
         if named {
@@ -130,6 +138,6 @@ impl Branch {
 ///
 /// # Errors
 /// If there are no branches, or values are missing or not finite.
-pub fn paths_sheet(branches: &[Branch]) -> Result<Sheet, FigureError> {
-    Ok(Sheet::charts(1, &[paths_chart(branches)?]))
+pub fn paths_sheet(branches: &[Branch], axes: &PathAxes) -> Result<Sheet, FigureError> {
+    Ok(Sheet::charts(1, &[paths_chart(branches, axes)?]))
 }

@@ -78,19 +78,27 @@ fn branches(n: usize) -> Vec<Branch> {
     let at = |k: usize| k as f64 / 30.0;
     let one = |name: &str, top: f64| Branch {
         name: name.into(),
-        voltage: (0..40).map(|k| top * (2.0 * at(k) - at(k).powi(2))).collect(),
-        displacement: (0..40).map(|k| at(k).powi(2)).collect(),
+        along: (0..40).map(|k| top * (2.0 * at(k) - at(k).powi(2))).collect(),
+        across: (0..40).map(|k| at(k).powi(2)).collect(),
         stable: (0..40).map(|k| k <= 30).collect(),
         limit: Some(Limit {
             name: "fold".into(),
-            voltage: top,
+            along: top,
             error: Some(0.01 * top),
-            displacement: 1.0,
+            across: 1.0,
         }),
     };
     (0..n)
-        .map(|k| one(&format!("pattern {k}"), 4e3 + 500.0 * k as f64))
+        .map(|k| one(&format!("pattern {k}"), 4.0 + 0.5 * k as f64))
         .collect()
+}
+
+fn volts() -> PathAxes {
+    PathAxes {
+        along: "Voltage [kV]".to_owned(),
+        unit: "kV".to_owned(),
+        across: "Displacement [mm]".to_owned(),
+    }
 }
 
 fn costs() -> Vec<FamilyCosts> {
@@ -149,7 +157,7 @@ fn draw_all(folder: &Path) {
         evolution_sheet(&evolution(61)),
         Ok(membrane_sheet("Best design, simulated", &membrane(1.0))),
         agreement_sheet(&cases()),
-        paths_sheet(&branches(3)),
+        paths_sheet(&branches(3), &volts()),
         accuracy_sheet(&costs()),
         deformation_sheet(&deformations()),
         rounds_sheet(&rounds()),
@@ -261,17 +269,17 @@ fn incomplete_data_is_refused_and_unusual_data_is_drawn() {
     assert!(is_refused(accuracy_sheet(&[])));
     let mut bad = branches(2);
     bad[1].stable.pop();
-    assert!(is_refused(paths_sheet(&bad)));
-    assert!(is_refused(paths_sheet(&[])));
+    assert!(is_refused(paths_sheet(&bad, &volts())));
+    assert!(is_refused(paths_sheet(&[], &volts())));
 
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("x.png");
     let draw = |sheet: Result<Sheet, FigureError>| sheet.unwrap().write_png(&path).unwrap();
-    draw(paths_sheet(&branches(12)));
+    draw(paths_sheet(&branches(12), &volts()));
     let mut still = branches(1);
-    still[0].displacement.fill(0.0);
+    still[0].across.fill(0.0);
     still[0].limit = None;
-    draw(paths_sheet(&still));
+    draw(paths_sheet(&still, &volts()));
     draw(evolution_sheet(&evolution(1)));
     draw(training(1).sheet());
     let still = DeformedMembrane::new(&[1; 2500], &[0.0; 5202], square(), Vec::new()).unwrap();
@@ -306,7 +314,7 @@ fn the_unstable_part_of_a_path_is_dashed() {
         branch[0].limit = None;
         branch[0].stable.fill(stable);
         let path = folder.path().join("x.png");
-        paths_sheet(&branch).unwrap().write_png(&path).unwrap();
+        paths_sheet(&branch, &volts()).unwrap().write_png(&path).unwrap();
         pixels(&path).2.iter().filter(|p| **p == [0, 114, 178]).count()
     };
     let (solid, dashed) = (blue(true), blue(false));
