@@ -2,8 +2,9 @@
 
     python3 docs/tools/published.py target/release/deaflow
 
-runs `deaflow fit`, `deaflow compare` and `deaflow solve --path` with the files in pipelines/published. The fit of the
-loading and unloading of VHB takes minutes; `--without-cyclic` leaves it out. Needs numpy and matplotlib.
+runs `deaflow fit`, `deaflow compare`, `deaflow solve` and `deaflow solve --path` with the files in
+pipelines/published. The fit of the loading and unloading of VHB takes minutes; `--without-cyclic` leaves it out.
+Needs numpy and matplotlib.
 """
 
 import csv
@@ -38,6 +39,23 @@ UNSTRETCHED = [
     ("latex", 283, 2.7, 67, 11),
     ("fluorosilicone", 167, 6.9, 80, 28),
 ]
+# Dead loads in N on 10 mm x 1 mm of scenes/dead-load.yaml: nominal stresses in 100 kPa.
+LOADS = [0.25, 0.31, 0.37, 0.43, 0.49, 0.62]
+# Stretch at which the width is held in one of the tests.
+WIDTH = 5
+# Area strain in % that Huang et al. reached under equal dead loads.
+REACHED = 488
+# Name, prestretch across and along the stripe, shear modulus in kPa, permittivity, field in MV/m, strain in %, others.
+LINEAR = [
+    ("HS3", 1.0, 3.8, 43.3, 2.8, 128, 117, []),
+    ("CF19-2186", 1.0, 2.0, 333, 2.8, 181, 63, []),
+    ("VHB 4910", 1.75, 6.4, 18, 4.5, 239, 215, ["effects.strain_stiffening={ model: gent, jm: 110 }"]),
+]
+# Lengths in mm of the strip of scenes/strip.yaml, which is 20 mm wide; its load in N and its section in m2.
+LENGTHS = [5, 10, 20, 40, 80]
+WEIGHT, SECTION = 0.0392, 20e-3 * 50e-6
+# Blocked stress in kPa of Carpi et al. at 42 MV/m.
+BLOCKED = 49
 
 
 def run(program, *arguments):
@@ -163,6 +181,138 @@ def films(program):
     return found
 
 
+def followed(program, scene, sets, pattern="cell"):
+    """Returns the points of the path of a cell, and its limit."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = pathlib.Path(folder) / "path.h5"
+        options = [part for value in sets for part in ("--set", value)]
+        arguments = [f"scenes/{scene}.yaml", f"measured/{pattern}.csv", "--path", "-o", out, *options]
+        one = run(program, "solve", *arguments)["paths"][0]
+    return one["points"], one["limit"]
+
+
+def solved(program, scene, pattern, sets):
+    """Returns the result of one pattern with biquadratic elements."""
+    options = [part for value in sets for part in ("--set", value)]
+    arguments = [f"scenes/{scene}.yaml", pattern, "--order", 2, "--no-checks", *options]
+    return run(program, "solve", *arguments)["patterns"][0]
+
+
+def rising(points):
+    """Returns the states, as voltage and stretch, that a rising voltage reaches: at a fold the sheet jumps."""
+    reached = [points[0]]
+    for before, point in zip(points, points[1:]):
+        top = reached[-1][0]
+        if point[0] <= top:
+            continue
+        if before[0] < top:
+            share = (top - before[0]) / (point[0] - before[0])
+            reached.append((top, before[1] + share * (point[1] - before[1])))
+        reached.append(point)
+    return reached
+
+
+def broken(reached, area):
+    """Returns the state at which the field passes the strength of VHB, and whether the sheet is lost in a jump.
+
+    The field is that of a sheet of 1 mm, `area` gives its area stretch; the strength is that of Huang et al.
+    """
+    margins = [volts * 1e-3 * area(stretch) - 51 * area(stretch) ** 0.315 for volts, stretch in reached]
+    for (a, x), (b, y) in zip(zip(reached, margins), zip(reached[1:], margins[1:])):
+        if y > 0:
+            share = -x / (y - x)
+            return tuple(p + share * (q - p) for p, q in zip(a, b)), a[0] == b[0]
+    return None, False
+
+
+def dead_loads(program):
+    """Returns, for each load, its stretch and the states under equal loads up to breakdown."""
+    found = []
+    print("nominal stress in kPa; equal loads: stretch, voltage in kV and area strain in % at breakdown, jump;")
+    print("width free: stretch, voltage and stretch by voltage at the limit; width held: the same at breakdown")
+    for load in LOADS:
+        side = f"load: [{load} N, 0 N]"
+        right, top = f"geometry.sides.right={{ {side} }}", f"geometry.sides.top={{ load: [0 N, {load} N] }}"
+        points, _ = followed(program, "dead-load", [right, top])
+        reached = rising([(p["voltage"], 1 + p["max_displacement"] / 10 / math.sqrt(2)) for p in points])
+        rest = reached[0][1]
+        end, lost = broken(reached, lambda stretch: stretch**2)
+        jumps = any(a[0] == b[0] for a, b in zip(reached, reached[1:]))
+        strain = f"{100 * ((end[1] / rest) ** 2 - 1):.0f}{' after a jump' if jumps else ''}"
+        strain = "lost in the jump" if lost else strain
+        print(f"{100 * load:.0f}; {rest:.2f}, {end[0] / 1e3:.2f}, {strain}; ", end="")
+        states = [state for state in reached if state[0] < end[0]] + ([] if lost else [end])
+        found.append((100 * load, [(v / 1e3, 100 * ((s / rest) ** 2 - 1)) for v, s in states], lost))
+
+        bar = f"geometry.sides.right={{ bar: {{ {side}, moves: [x] }} }}"
+        _, limit = followed(program, "dead-load", [bar, "geometry.sides.top=free"])
+        volts = 0.9999 * limit["voltage"]
+        sets = [bar, "geometry.sides.top=free", f"drive.voltage={volts} V"]
+        moved = solved(program, "dead-load", "measured/cell.csv", sets)["bars"]["right"]
+        stretch = 1 + moved["translation_mm"][0] / 10
+        rest = stretch - moved["from_rest_mm"][0] / 10
+        print(f"{rest:.2f}, {limit['voltage'] / 1e3:.2f}, {stretch / rest:.2f}; ", end="")
+
+        sets = [f"geometry.sides.right={{ load: [{load / WIDTH} N, 0 N] }}", f"geometry.prestretch=[1, {WIDTH}]"]
+        points, _ = followed(program, "dead-load", [*sets, "geometry.sides.top=roller"])
+        reached = rising([(p["voltage"], 1 + p["max_displacement"] / 10) for p in points])
+        end, _ = broken(reached, lambda stretch: WIDTH * stretch)
+        rest = reached[0][1]
+        print(f"{rest:.2f}, {end[0] / 1e3:.2f}, {end[1] / rest:.2f}")
+    return found
+
+
+def linear(program):
+    """Returns published fields of stripes, and those simulated under the load of the film and without it."""
+    found = []
+    print("stripe, prestretches, published field in MV/m and strain in %; simulated with the load of the film, without")
+    for name, across, along, modulus, permittivity, published, strain, more in LINEAR:
+        common = [
+            f"geometry.prestretch=[{across}, {along}]",
+            f"material.shear_modulus={modulus} kPa",
+            f"material.relative_permittivity={permittivity}",
+            *more,
+        ]
+        held = "geometry.sides.right={ bar: { displacement: [0 mm, 0 mm] } }"
+        pull = solved(program, "linear-film", "measured/cell.csv", [*common, held, "drive.voltage=1 V"])
+        pull = pull["reactions_n"]["right"][0]
+        fields = []
+        for side in (f"{{ load: [{pull} N, 0 N] }}", "free"):
+            points, _ = followed(program, "linear-film", [*common, f"geometry.sides.right={side}"])
+            # Without a load the stripe is shorter at first, and the largest displacement falls before it grows.
+            aim = 10 * strain / 100
+            grown = [p for a, p in zip(points, points[1:]) if p["max_displacement"] > a["max_displacement"]]
+            pairs = [(a, b) for a, b in zip(grown, grown[1:]) if a["max_displacement"] <= aim < b["max_displacement"]]
+            (a, b), *_ = pairs
+            share = (aim - a["max_displacement"]) / (b["max_displacement"] - a["max_displacement"])
+            volts = a["voltage"] + share * (b["voltage"] - a["voltage"])
+            fields.append(volts / (THICKNESS * 1e-3) * across * along * (1 + strain / 100) * 1e-6)
+        print(f"{name}, {across} x {along}, {published}, {strain}; {fields[0]:.0f}, {fields[1]:.0f}")
+        found.append((name, published, fields))
+    return found
+
+
+def strip(program):
+    """Returns length over width, blocked stress in kPa and strain in % of a strip with a weight."""
+    found = []
+    print("strip: length over width; blocked stress in kPa at 42 MV/m, strain in % at 49 MV/m")
+    with tempfile.TemporaryDirectory() as folder:
+        for length in LENGTHS:
+            columns = max(10, min(40, length))
+            pattern = pathlib.Path(folder) / "strip.csv"
+            pattern.write_text("\n".join([",".join(["1"] * columns)] * 20) + "\n", encoding="utf-8")
+            sets = [f"geometry.size=[{length} mm, 20 mm]", f"geometry.cells=[{columns}, 20]"]
+            moved = solved(program, "strip", pattern, sets)["bars"]["right"]
+            rest = moved["translation_mm"][0] - moved["from_rest_mm"][0]
+            held = f"geometry.sides.right={{ bar: {{ displacement: [{rest} mm, 0 mm] }} }}"
+            one = solved(program, "strip", pattern, [*sets, held, "drive.voltage=2.1 kV"])
+            blocked = (WEIGHT - one["reactions_n"]["right"][0]) / SECTION * 1e-3
+            strain = 100 * moved["from_rest_mm"][0] / (length + rest)
+            print(f"{length / 20}; {blocked:.1f}, {strain:.2f}")
+            found.append((length / 20, blocked, strain))
+    return found
+
+
 def main(program, *options):
     import matplotlib
 
@@ -172,7 +322,7 @@ def main(program, *options):
     from photographs import reduce
 
     program = str(pathlib.Path(program).resolve())
-    figure, axes = plt.subplots(3, 3, figsize=(10.5, 9.0), layout="constrained")
+    figure, axes = plt.subplots(4, 3, figsize=(10.5, 12.0), layout="constrained")
     axes = axes.flat
 
     def curves(axis, found, title, xlabel="stretch", ylabel="nominal stress, MPa", names=None):
@@ -220,6 +370,28 @@ def main(program, *options):
     axes[8].set(xlabel="published field, MV/m", ylabel="simulated field at the same\nthickness strain, MV/m")
     axes[8].set_title("9 films without prestretch, Pelrine 1998", fontsize=9)
     axes[8].legend(frameon=False, fontsize=7)
+    compared(program, "dead-load", "dead-load", 1.0)
+    for number, (stress, curve, lost) in enumerate(dead_loads(program)):
+        x, y = zip(*curve)
+        axes[9].plot(x, y, color=f"C{number}", lw=1, label=f"{stress:.0f} kPa")
+        axes[9].plot(x[-1], y[-1], "x", ms=5, color=f"C{number}")
+    axes[9].axhline(REACHED, color="0.6", lw=1, ls="--")
+    axes[9].set(xlabel="voltage, kV", ylabel="area strain by voltage, %", ylim=(0, 700))
+    axes[9].set_title("10 VHB 4910, equal dead loads, Huang 2012", fontsize=9)
+    axes[9].legend(frameon=False, fontsize=7)
+    for number, (name, published, fields) in enumerate(linear(program)):
+        axes[10].plot([published] * 2, fields, "o-", lw=1, fillstyle="none", color=f"C{number}", label=name)
+    axes[10].plot([0, 260], [0, 260], color="0.7", lw=1)
+    axes[10].set(xlabel="published field, MV/m", ylabel="simulated field at the same\nstrain, MV/m")
+    axes[10].set_title("11 stripes in stretched films, Pelrine 2000", fontsize=9)
+    axes[10].legend(frameon=False, fontsize=7)
+    ratio, blocked, _ = zip(*strip(program))
+    axes[11].semilogx(ratio, blocked, "o-", lw=1, ms=3, fillstyle="none")
+    axes[11].axhline(BLOCKED, color="0.6", lw=1, ls="--")
+    axes[11].set(xlabel="length over width of the strip", ylabel="blocked stress, kPa", ylim=(0, 80))
+    axes[11].set_xticks(ratio, [f"{value:g}" for value in ratio])
+    axes[11].minorticks_off()
+    axes[11].set_title("12 acrylic strip with a weight, Carpi 2003", fontsize=9)
     target = ROOT / "docs" / "figures" / "published.png"
     figure.savefig(target, dpi=80)
     reduce(target)
