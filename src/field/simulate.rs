@@ -142,6 +142,7 @@ impl fmt::Display for Outcome {
             return write!(f, "{} between {stable:.6} s and {unstable:.6} s", self.name());
         }
         match self.bracket() {
+            Some([0.0, 0.0]) => write!(f, "{} at 0 V: no stable state under the loads alone", self.name()),
             Some([stable, unstable]) => write!(f, "{} between {stable:.1} V and {unstable:.1} V", self.name()),
             None if *self == Self::WorkLimit => {
                 write!(f, "{}: raise the time limit", self.name())

@@ -913,3 +913,102 @@ fn what_a_device_does_not_have_cannot_be_designed() {
     }
     snapshot!(printed);
 }
+
+/// A strip whose right end has this support.
+fn strip(right: &str) -> String {
+    format!(
+        "geometry: {{ size: [40 mm, 20 mm], thickness: 1 mm, prestretch: 2, cells: [8, 4], sides: {{ right: {right}, \
+         top: free, bottom: free }} }}\nmaterial: {{ model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: \
+         4.7 }}\ndrive: {{ voltage: 4 kV }}\neffects: {{}}\n"
+    )
+}
+
+#[test]
+fn paths_of_loads_and_displacements_have_the_motions_and_forces_of_sides() {
+    let workspace = Workspace::new();
+    workspace.write("pulled.yaml", &strip("{ bar: { displacement: [10 mm, 0 mm] } }"));
+    workspace.write("loaded.yaml", &strip("{ bar: { load: [0.6 N, 0 N] } }"));
+    workspace.write("middle.csv", &csv([8, 4], |x, _| 0 < x && x < 7));
+    let follow =
+        |scene: &str, path: &str| workspace.run(&["solve", scene, "middle.csv", path, "-o", "out.h5", "--json"]);
+    for (scene, path, name) in [
+        ("pulled.yaml", "--path=displacement", "displacement"),
+        ("loaded.yaml", "--path=load", "load"),
+    ] {
+        let ended = follow(scene, path);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        let document = ended.json();
+        let points = document["paths"][0]["points"].as_array().unwrap();
+        let last = &points[points.len() - 1];
+        assert_eq!(
+            (&document["parameter"], &document["paths"][0]["end"]),
+            (&name.into(), &"complete".into())
+        );
+        assert!((last["share"].as_f64().unwrap() - 1.0).abs() < 1e-8, "{last}");
+        // All forces are in balance.
+        let reactions = &last["reactions_n"];
+        let [left, right] = ["left", "right"].map(|side| reactions[side][0].as_f64().unwrap());
+        assert!((left + right).abs() < 1e-7 && right > 0.1, "{reactions}");
+        let moved = last["bars"]["right"]["translation_mm"][0].as_f64().unwrap();
+        if name == "displacement" {
+            assert!((moved - 10.0).abs() < 1e-6);
+        } else {
+            assert!((right - 0.6).abs() < 1e-7);
+        }
+        let file = hdf5::File::open(workspace.path("out.h5")).unwrap();
+        let count = points.len();
+        for (array, shape) in [
+            ("share", vec![count]),
+            ("bar_translation", vec![count, 1, 2]),
+            ("bar_rotation", vec![count, 1]),
+            ("reaction", vec![count, 4, 2]),
+            ("rest", vec![1, 5, 9, 2]),
+        ] {
+            assert_eq!(file.dataset(array).unwrap().shape(), shape, "{array}");
+        }
+        let table = std::fs::read_to_string(workspace.path("out.csv")).unwrap();
+        let header = table.lines().next().unwrap();
+        let expected = "event,share,bar_right_x_mm,bar_right_y_mm,bar_right_turn_deg,reaction_left_x_N";
+        assert!(header.contains(expected), "{header}");
+        let columns = header.split(',').count();
+        assert!(table.lines().all(|line| line.split(',').count() == columns) && table.lines().count() == count + 1);
+    }
+    for (scene, path, message) in [
+        ("pulled.yaml", "--path=load", "the scene has none"),
+        ("loaded.yaml", "--path=displacement", "the scene has none"),
+        ("loaded.yaml", "--path=force", "allowed: voltage, load, displacement"),
+    ] {
+        let ended = follow(scene, path);
+        assert_eq!(ended.code, Some(2), "{}", ended.stderr);
+        assert!(ended.stderr.contains(message), "{}", ended.stderr);
+    }
+    // Pushed together until it has no stable state.
+    workspace.write("pushed.yaml", &strip("{ bar: { displacement: [-45 mm, 0 mm] } }"));
+    let ended = follow("pushed.yaml", "--path");
+    assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+    assert!(
+        ended.stderr.contains("no stable state without voltage"),
+        "{}",
+        ended.stderr
+    );
+}
+
+#[test]
+fn estimates_of_devices_with_sides_that_are_not_held_are_refused_by_plan() {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &strip("free"));
+    for method in ["linear", "chord:2"] {
+        let stages = format!(
+            "version: 1\nname: estimated\nscene: scene.yaml\nstages:\n  drawn: {{ kind: sample, family: blobs, area: \
+             0.5, count: 2, seed: 1 }}\n  solved: {{ kind: solve, needs: [drawn], method: {method} }}\n"
+        );
+        workspace.write("estimated.yaml", &stages);
+        let ended = workspace.run(&["plan", "estimated.yaml"]);
+        assert_eq!(ended.code, Some(2), "{}", ended.stderr);
+        assert!(
+            ended.stderr.contains("method") && ended.stderr.contains("estimated.yaml"),
+            "{}",
+            ended.stderr
+        );
+    }
+}

@@ -554,3 +554,46 @@ fn a_fitted_scene_keeps_the_properties_of_the_elastomer_and_its_warnings() {
         plan.stderr
     );
 }
+
+#[test]
+fn a_strip_on_rollers_has_the_known_modulus_and_offset() {
+    // Its left half is active; 45 kPa, −0.1 kV and noise of 0.01 mm.
+    let workspace = Workspace::new();
+    workspace.write(
+        "strip.yaml",
+        "geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 2, sides: { top: roller, bottom: roller } }\n\
+         material: { model: neo-hookean, shear_modulus: 60 kPa, relative_permittivity: 4.7 }\ndrive: { voltage: 4 kV }\n\
+         effects: {}\n",
+    );
+    workspace.write("half.csv", "1,0\n1,0\n");
+    workspace.write(
+        "moved.csv",
+        "voltage_kV,displacement_mm\n1.0,0.0947528968\n1.5,0.2078912988\n2.0,0.3933058483\n2.5,0.6003152587\n\
+         3.0,0.9143282400\n3.5,1.2706803984\n4.0,1.6763519806\n4.5,2.1868433974\n5.0,2.7505855137\n5.5,3.4268311958\n\
+         6.0,4.2263247255\n",
+    );
+    workspace.write(
+        "measured.yaml",
+        "files:\n  - { file: moved.csv, test: voltage-displacement, pattern: half.csv, point: [25 mm, 25 mm], direction: 0 \
+         deg, sigma: 0.01 mm }\n",
+    );
+    let ended = workspace.run(&[
+        "fit",
+        "strip.yaml",
+        "measured.yaml",
+        "--free",
+        "shear_modulus",
+        "--free",
+        "voltage_offset",
+        "--json",
+        "-o",
+        "fitted.yaml",
+    ]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let parameters = &ended.json()["parameters"];
+    for (at, value, error) in [(0, 45172.198, 0.005_727_7), (1, -89.078_94, 14.141_3)] {
+        let found = &parameters[at];
+        assert!((number(&found["value"]) - value).abs() < 2e-3, "{found}");
+        assert!((number(&found["standard_error"]) / error - 1.0).abs() < 1e-4, "{found}");
+    }
+}
