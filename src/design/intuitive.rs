@@ -15,6 +15,8 @@ const RESOLUTION: f64 = 1e-9;
 #[derive(Clone, Debug)]
 pub struct Intuitive {
     raster: Raster,
+    /// The number of cells of which areas are shares.
+    free: usize,
     /// Cells in the order of activation: the cell farthest behind its line first.
     ranked: Vec<Ranked>,
 }
@@ -46,15 +48,29 @@ impl Intuitive {
                 .then(a.from_point.total_cmp(&b.from_point))
                 .then(a.cell.cmp(&b.cell))
         });
-        Self { raster, ranked }
+        Self {
+            raster,
+            free: ranked.len(),
+            ranked,
+        }
     }
 
     /// The design on the available cells only: electrodes on frames and bodies have no effect.
     #[must_use]
-    pub fn within(mut self, available: &Bits) -> Self {
+    pub fn within(self, available: &Bits) -> Self {
+        let kept = self.only_on(available);
+        Self {
+            free: kept.ranked.len(),
+            ..kept
+        }
+    }
+
+    /// The design on the cells only that constraints allow; areas stay shares of all available cells.
+    #[must_use]
+    pub fn only_on(mut self, allowed: &Bits) -> Self {
         let columns = self.raster.columns();
         self.ranked
-            .retain(|ranked| available.has(ranked.cell % columns, ranked.cell / columns));
+            .retain(|ranked| allowed.has(ranked.cell % columns, ranked.cell / columns));
         self
     }
 
@@ -64,11 +80,12 @@ impl Intuitive {
         self.first(self.ranked.iter().take_while(|ranked| ranked.before < 0.0).count())
     }
 
-    /// The design with the line moved: round(`area` · available cells) cells are active. `area` is clamped to 0 to 1.
+    /// The design with the line moved: round(`area` · available cells) cells are active, or all that are
+    /// allowed if these are fewer.
     #[must_use]
     pub fn at_area(&self, area: f64) -> Pattern {
-        let all = self.ranked.len() as f64;
-        self.first((area * all).round().clamp(0.0, all) as usize)
+        let count = (area * self.free as f64).round();
+        self.first(count.clamp(0.0, self.ranked.len() as f64) as usize)
     }
 
     fn first(&self, count: usize) -> Pattern {
@@ -168,6 +185,21 @@ mod tests {
             Pattern::from_fn(Raster::PAPER, |x, _| (10..30).contains(&x))
         );
         assert_eq!(design.at_area(1.0).active_cells(), available.count());
+    }
+
+    #[test]
+    fn cells_that_constraints_forbid_stay_bare_at_equal_area() {
+        let allowed = Bits::from_fn(Raster::PAPER, |x, _| x >= 10);
+        let design = intuitive(&[(25.0, 25.0, 0.0)]).only_on(&allowed);
+        assert_eq!(
+            design.at_own_area(),
+            Pattern::from_fn(Raster::PAPER, |x, _| (10..25).contains(&x))
+        );
+        assert_eq!(
+            design.at_area(0.5),
+            Pattern::from_fn(Raster::PAPER, |x, _| (10..35).contains(&x))
+        );
+        assert_eq!(design.at_area(1.0).active_cells(), allowed.count());
     }
 
     #[test]

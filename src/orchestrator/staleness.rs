@@ -113,7 +113,7 @@ fn parameters_changed(now: &Canonical, then: &Canonical) -> Vec<Staleness> {
     let dropped = dropped.filter(|(path, value)| !is_filled(path, value, now.iter().map(|(path, _)| path)));
     changed
         .chain(dropped)
-        .filter(|(path, _)| as_set(path) != NOT_SET)
+        .filter(|(path, _)| !NOT_SET.contains(&as_set(path)))
         .map(|(which, _)| Staleness::ParameterChanged {
             which: as_set(which).to_owned(),
             from: value(&then, which),
@@ -122,8 +122,8 @@ fn parameters_changed(now: &Canonical, then: &Canonical) -> Vec<Staleness> {
         .collect()
 }
 
-/// A parameter of design stages that follows from others, and that users do not set.
-const NOT_SET: &str = "devices";
+/// Parameters of design stages that follow from others, and that users do not set.
+const NOT_SET: [&str; 3] = ["area_scale", "devices", "intuitive"];
 
 /// Whether a value is an empty mapping that has entries on the other side, whose paths show the change.
 pub fn is_filled<'a>(path: &str, value: &Canonical, mut others: impl Iterator<Item = &'a String>) -> bool {

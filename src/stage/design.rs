@@ -446,6 +446,14 @@ impl DesignStage {
             // designs by the symmetries of the square.
             entries.push(("devices", 2_u64.into()));
         }
+        if constraints.keep_out() {
+            // Changes the key: earlier versions put intuitive designs into regions that are kept out.
+            entries.push(("intuitive", 2_u64.into()));
+        }
+        if self.scene.geometry.sides.is_some() {
+            // Changes the key: with earlier versions large strokes outweighed the area.
+            entries.push(("area_scale", 2_u64.into()));
+        }
         if self.in_time.leads.is_some() {
             // Changes the key: earlier versions ignored the leads of the scene.
             entries.push(("leads", 2_u64.into()));

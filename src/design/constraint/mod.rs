@@ -164,6 +164,12 @@ impl Constraints {
         &self.raster.allowed
     }
 
+    /// Whether regions are kept free of electrodes.
+    #[must_use]
+    pub fn keep_out(&self) -> bool {
+        !self.limits.keep_out.is_empty()
+    }
+
     /// An upper bound of the area fraction of valid patterns.
     #[must_use]
     pub fn largest_area(&self) -> f64 {

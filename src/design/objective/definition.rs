@@ -318,7 +318,8 @@ impl Objective {
     pub fn goal(&self, scene: &Scene, area: Option<f64>, area_penalty: f64) -> Result<Goal, GoalError> {
         let aims = self.points.iter().map(|point| point.aim(self.value, scene));
         let aims: Vec<Aim> = aims.collect::<Result<_, _>>()?;
-        Goal::new(self.measure, &aims, scene.membrane(), area, area_penalty)
+        let goal = Goal::new(self.measure, &aims, scene.membrane(), area, area_penalty)?;
+        Ok(goal.with_strokes(scene.geometry.sides.is_some()))
     }
 }
 

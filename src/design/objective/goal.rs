@@ -25,6 +25,8 @@ pub struct Goal {
     aims: Vec<PlacedAim>,
     area: Option<f64>,
     area_penalty: f64,
+    /// Whether the penalty grows with scores above 1.
+    has_strokes: bool,
 }
 
 impl Goal {
@@ -66,7 +68,16 @@ impl Goal {
             aims: placed,
             area,
             area_penalty,
+            has_strokes: false,
         })
+    }
+
+    /// The goal on a membrane with sides that are not held: strokes have no bound like the displacements of a clamped
+    /// membrane, for which λ is chosen, so the penalty is multiplied by the score where that is above 1. An area error
+    /// of 1 % then costs 5 % of the displacement, more than a larger electrode gains far from pull-in.
+    #[must_use]
+    pub fn with_strokes(self, has_strokes: bool) -> Self {
+        Self { has_strokes, ..self }
     }
 
     /// The target area fraction; `None` if the area is free.
@@ -123,7 +134,8 @@ impl Goal {
     #[must_use]
     pub fn fitness_of(&self, area: f64, score: f64) -> f64 {
         let area_error = self.area.map_or(0.0, |wanted| (area - wanted).abs());
-        1.0 - score + self.area_penalty * area_error
+        let scale = if self.has_strokes { score.abs().max(1.0) } else { 1.0 };
+        1.0 - score + self.area_penalty * scale * area_error
     }
 
     /// The score of fields, independent of the area; larger is better.

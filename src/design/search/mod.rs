@@ -188,11 +188,16 @@ impl<'a> Search<'a> {
         |step: &SearchStep| self.progress.step(step)
     }
 
+    /// The intuitive design, outside of regions that are kept out. It does not keep other constraints.
     fn intuitive(&self) -> Intuitive {
         let all = Intuitive::of(&self.target.goal, self.drivers);
-        match self.constraints.available() {
+        let available = match self.constraints.available() {
             None => all,
             Some(cells) => all.within(cells),
+        };
+        match self.constraints.keep_out() {
+            true => available.only_on(self.constraints.allowed()),
+            false => available,
         }
     }
 
