@@ -2,6 +2,8 @@
 
 use std::ops::RangeInclusive;
 
+use serde_json::json;
+
 use super::leads::Edge;
 use deaflow_base::{
     Canonical, Declared, Fields, Force, InputError, Length, Map, Node, NodeValue, Parameter, Schema, SpringRate,
@@ -53,7 +55,12 @@ parameters! {
         /// A given displacement of the bar along x and y, instead of a load and a spring.
         pub displacement: Option<[Length; 2]> [LENGTHS],
     }
+    rules(at_needs_load)
     check(check_bar)
+}
+
+fn at_needs_load(fields: Fields) -> Fields {
+    fields.rule(json!({ "dependentRequired": { "at": ["load"] } }))
 }
 
 parameters! {
@@ -82,6 +89,7 @@ fn check_loaded(loaded: &Loaded, map: &Map<'_>) -> Result<(), InputError> {
 }
 
 fn check_bar(bar: &Bar, map: &Map<'_>) -> Result<(), InputError> {
+    check_load(bar, map)?;
     if bar.displacement.is_none() {
         return Ok(());
     }
@@ -98,6 +106,39 @@ fn check_bar(bar: &Bar, map: &Map<'_>) -> Result<(), InputError> {
             .error("the displacement of this bar is given, so it can only turn")
             .help("allowed: [] or [turn]")),
         false => Ok(()),
+    }
+}
+
+/// Refuses a place without a load, and a load that nothing can follow.
+fn check_load(bar: &Bar, map: &Map<'_>) -> Result<(), InputError> {
+    let [x, y, turns] = bar.moves();
+    let is_turned = turns && bar.at_mm() != 0.0;
+    if let Some(at) = map.optional("at") {
+        if bar.load.is_none() {
+            return Err(at
+                .error("`at` is the place of the `load` of a bar, and this bar has no load")
+                .help("allowed: `at` with `load: [FORCE, FORCE]`; or remove it"));
+        }
+        if !turns && bar.at_mm() != 0.0 {
+            return Err(at
+                .error("the bar does not turn, so the place of its load has no effect")
+                .help("allowed: 0 mm; or add `turn` to `moves`"));
+        }
+    }
+    let blocked = [("x", x), ("y", y)].into_iter().zip(bar.load_n());
+    let blocked = blocked.filter(|((_, moves), force)| !moves && *force != 0.0);
+    match blocked
+        .map(|((axis, _), force)| (axis, force))
+        .next()
+        .filter(|_| !is_turned && bar.displacement.is_none())
+    {
+        None => Ok(()),
+        Some((axis, force)) => Err(map
+            .required("`bar`", "load")?
+            .error(format!(
+                "the load of this bar is {force} N along {axis}, but the bar does not move along {axis}"
+            ))
+            .help(format!("allowed: 0 N along {axis}; or add `{axis}` to `moves`"))),
     }
 }
 
@@ -124,6 +165,18 @@ impl SideSupport {
     /// Returns the definition in schemas.
     pub(super) fn definition() -> Schema {
         Schema::any_of([Plain::schema(&()), Loaded::schema(&())])
+    }
+
+    /// Returns the word of the support.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Held => "held",
+            Self::Free => "free",
+            Self::Roller => "roller",
+            Self::Load(_) => "load",
+            Self::Bar(_) => "bar",
+        }
     }
 
     /// Returns the components of the displacement, along x and y, that a side keeps at zero.
@@ -597,6 +650,30 @@ mod tests {
             ),
             ("{ right: { load: [1 N, 0 N], bar: {} } }", "either a `load` or a `bar`"),
             (
+                "{ right: { bar: { at: 4 mm } }, top: free, bottom: free }",
+                "this bar has no load",
+            ),
+            (
+                "{ right: { bar: { displacement: [1 mm, 0 mm], at: 4 mm } }, top: free, bottom: free }",
+                "this bar has no load",
+            ),
+            (
+                "{ right: { bar: { moves: [x], load: [1 N, 0 N], at: 4 mm } }, top: free, bottom: free }",
+                "does not turn",
+            ),
+            (
+                "{ right: { bar: { moves: [x], load: [1 N, 0.5 N] } }, top: free, bottom: free }",
+                "0.5 N along y, but the bar does not move along y",
+            ),
+            (
+                "{ right: { bar: { moves: [turn], load: [1 N, 0 N] } }, top: free, bottom: free }",
+                "1 N along x, but",
+            ),
+            (
+                "{ right: { bar: { displacement: [1 mm, 0 mm], load: [1 N, 0 N] } }, top: free, bottom: free }",
+                "takes no load",
+            ),
+            (
                 "{ right: { bar: { displacement: [1 mm, 0 mm], spring: 2 N/m } }, top: free, bottom: free }",
                 "no spring",
             ),
@@ -622,6 +699,8 @@ mod tests {
         }
         for text in [
             "{ right: { bar: { moves: [x] } }, top: free, bottom: roller }",
+            "{ right: { bar: { moves: [x], load: [1 N, 0 N], at: 0 mm } }, top: free, bottom: roller }",
+            "{ right: { bar: { moves: [turn], load: [1 N, 0 N], at: 4 mm } }, top: free, bottom: free }",
             "{ left: free, right: { bar: { spring: 1 N/m, moves: [x, y] } }, top: free, bottom: free }",
             "{ left: roller, right: free, bottom: roller, top: free }",
         ] {
