@@ -97,6 +97,7 @@ impl Aim {
             return Err(GoalError::Point {
                 point: self.point_mm,
                 size: membrane.size_text(),
+                size_mm: membrane.size_mm,
             });
         }
         if !(self.weight.is_finite() && self.weight > 0.0) {

@@ -9,14 +9,16 @@ pub enum GoalError {
     /// The side of the membrane is not a length.
     #[error("the side of the membrane must be positive, found {0} mm")]
     Side(f64),
-    /// The point cannot move.
-    #[error("the point ({} mm, {} mm) is not inside the membrane of {size}; the frame does not move", point[0],
-            point[1])]
+    /// The point is on a side or outside.
+    #[error("the point ({} mm, {} mm) is not inside the membrane of {size}; allowed: 0 mm < x < {} mm and 0 mm < y < \
+             {} mm", point[0], point[1], size_mm[0], size_mm[1])]
     Point {
         /// The point in mm.
         point: [f64; 2],
         /// The sides of the membrane.
         size: String,
+        /// The sides of the membrane in mm.
+        size_mm: [f64; 2],
     },
     /// Only bodies rotate.
     #[error("a point cannot rotate; a rotation needs a rigid body")]
