@@ -131,7 +131,7 @@ fn unreadable(error: AttributeError) -> CliError {
 fn of_stage(arguments: &AuditArguments, (path, name): (&Path, &str), output: &Output) -> Result<AuditReport, CliError> {
     let mut sets = arguments.set.overrides()?;
     let pipeline = pipeline::load_file(path, &sets, arguments.set.many)?;
-    check_kind(&pipeline, name)?;
+    let name = &checked_name(&pipeline, name)?;
     pipeline.bare_numbers.iter().for_each(|note| output.warn(note));
     let store = locate::existing_store(&arguments.store.folder_of(path))?;
     let artifact = match current(&pipeline, &store, name)? {
@@ -183,14 +183,16 @@ fn stage_text(arguments: &AuditArguments, name: &str) -> String {
     format!("{{ kind: audit, needs: [{name:?}], samples: {samples}, seed: {seed}, fail_on: never{accuracy} }}")
 }
 
-fn check_kind(pipeline: &Pipeline, name: &str) -> Result<(), CliError> {
+/// Returns the name of the stage, which can be the only one of a sweep; it must have a dataset.
+fn checked_name(pipeline: &Pipeline, name: &str) -> Result<String, CliError> {
     pipeline.selection(Some(name))?;
-    if let Some(sweep) = pipeline.sweep(name) {
-        return Err(locate::several(&pipeline.path, name, &sweep.stages));
-    }
-    let kind = pipeline.stage(name).map_or("", |stage| stage.kind.name());
+    let only = match pipeline.sweep(name) {
+        None => name,
+        Some(sweep) => locate::only(&pipeline.path, name, &sweep.stages)?,
+    };
+    let kind = pipeline.stage(only).map_or("", |stage| stage.kind.name());
     if audit::AUDITED.contains(&kind) {
-        return Ok(());
+        return Ok(only.to_owned());
     }
     let fitting = |spec: &&deaflow_orchestrator::StageSpec| audit::AUDITED.contains(&spec.kind.name());
     let fitting: Vec<&str> = pipeline

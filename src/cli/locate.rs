@@ -103,9 +103,10 @@ pub fn split(reference: &str) -> Option<(&str, &str)> {
 
 fn of_pipeline(store: &Store, path: &Path, name: &str) -> Result<ArtifactId, CliError> {
     let pipeline = pipeline::load_plain(path)?;
-    if let Some(sweep) = pipeline.sweep(name) {
-        return Err(several(path, &sweep.name, &sweep.stages));
-    }
+    let name = match pipeline.sweep(name) {
+        None => name,
+        Some(sweep) => only(path, &sweep.name, &sweep.stages)?,
+    };
     let stages = plan(&pipeline, store, Some(name), &Environment::system())?;
     let found = stages.iter().find(|stage| stage.name == name);
     if let Some(StageReport {
@@ -128,15 +129,21 @@ fn of_pipeline(store: &Store, path: &Path, name: &str) -> Result<ArtifactId, Cli
     })
 }
 
-/// The error about a name of several stages.
-pub fn several(path: &Path, name: &str, stages: &[String]) -> CliError {
+/// Returns the only stage of a sweep.
+///
+/// # Errors
+/// When it has several stages.
+pub fn only<'a>(path: &Path, name: &str, stages: &'a [String]) -> Result<&'a str, CliError> {
     const SHOWN: usize = 8;
+    if let [only] = stages {
+        return Ok(only);
+    }
     let mut list: Vec<&str> = stages.iter().take(SHOWN).map(String::as_str).collect();
     if stages.len() > SHOWN {
         list.push("…");
     }
     let message = format!("`{name}` of {} is a sweep of {} stages", path.display(), stages.len());
-    CliError::bad_input(message).help(format!("name one of them: {}", list.join(", ")))
+    Err(CliError::bad_input(message).help(format!("name one of them: {}", list.join(", "))))
 }
 
 /// Returns the artifact of a stage in the newest run that has it, if no record contradicts it.
