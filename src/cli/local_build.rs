@@ -241,7 +241,7 @@ impl CompleteBuild<'_> {
             stages: &made,
             rounds: &pipeline.rounds,
         };
-        let neglected = neglected_effects(pipeline, &artifacts)?;
+        let neglected = neglected_effects(pipeline, &artifacts, build.verbosity.progress.mode())?;
         let results = RunResults::cached(&artifacts, &pipeline.name, neglected, &observing(pipeline))?;
         for text in results.warnings().cloned() {
             log.write(&Event::Warning { text });

@@ -1,7 +1,12 @@
 //! The effects that the simulations of a pipeline neglect.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
 use super::CliError;
-use deaflow_base::{Digest, build};
+use super::progress::{Bar, ProgressMode};
+use deaflow_base::{Background, Digest, build};
 use deaflow_content::SOLVED;
 use deaflow_fem::WorkLimit;
 use deaflow_fem::screening::{ScreenedScene, TestPattern, resolve_states};
@@ -11,22 +16,31 @@ use deaflow_scene::{Effects, Scene};
 
 /// Returns a warning for each significant effect that simulating stages neglect, after the names of those stages. It is
 /// about patterns that they have simulated. It depends on parts of the scene that affect no result (the drive in time,
-/// known material data), so artifacts do not contain it.
+/// known material data), so artifacts do not contain it. Progress is shown in `mode`.
 ///
 /// # Errors
 /// When an artifact cannot be read, or the effects of a scene cannot be simulated.
-pub fn neglected_effects(pipeline: &Pipeline, run: &RunArtifacts<'_>) -> Result<Vec<String>, CliError> {
+pub fn neglected_effects(
+    pipeline: &Pipeline,
+    run: &RunArtifacts<'_>,
+    mode: ProgressMode,
+) -> Result<Vec<String>, CliError> {
     let stages = simulating(pipeline, run);
     let mut warnings: Vec<(String, Vec<&str>)> = Vec::new();
     let screened_stages = stages.len().min(MAX_STAGES);
-    for stage in &stages[..screened_stages] {
-        for text in screened(stage, run)? {
+    let done = Arc::new(AtomicU64::new(0));
+    let shown = show_progress(mode, done.clone(), screened_stages as u64);
+    for (count, stage) in (1..).zip(&stages[..screened_stages]) {
+        let found = screened(stage, run)?;
+        done.store(count, Ordering::Relaxed);
+        for text in found {
             match warnings.iter_mut().find(|(known, _)| *known == text) {
                 Some((_, names)) => names.push(&stage.made.stage),
                 None => warnings.push((text, vec![&stage.made.stage])),
             }
         }
     }
+    drop(shown);
     let mut lines: Vec<String> = warnings
         .iter()
         .map(|(text, names)| format!("{}: {text}", list(names)))
@@ -40,6 +54,29 @@ pub fn neglected_effects(pipeline: &Pipeline, run: &RunArtifacts<'_>) -> Result<
     }
     Ok(lines)
 }
+
+/// Shows how many stages are screened, if that takes long, until the returned guard is dropped.
+fn show_progress(mode: ProgressMode, done: Arc<AtomicU64>, length: u64) -> Option<Background> {
+    let show = move |pauses: &deaflow_base::Pauses| {
+        if !pauses.wait(DELAY) {
+            return;
+        }
+        let Some(bar) = Bar::with_mode(mode, "neglected effects", "stages") else {
+            return;
+        };
+        bar.set(done.load(Ordering::Relaxed), length);
+        while pauses.wait(TICK) {
+            bar.set(done.load(Ordering::Relaxed), length);
+        }
+        bar.clear();
+    };
+    // Without the thread nothing is shown.
+    Background::start("screening", show).ok()
+}
+
+/// The time after which progress is shown, and between two updates.
+const DELAY: Duration = Duration::from_secs(2);
+const TICK: Duration = Duration::from_millis(500);
 
 /// A stage that has simulated patterns.
 struct SimulatingStage<'a> {

@@ -8,6 +8,7 @@ use serde_json::json;
 use super::arguments::{SetArguments, StoreArguments, pipeline_parser};
 use super::locate;
 use super::neglected::neglected_effects;
+use super::progress::ProgressMode;
 use super::{CliError, Exit, Output, pipeline, write};
 use deaflow_orchestrator::{Environment, plan, plan_warnings};
 use deaflow_report::{PipelineHistory, RunArtifacts, StageArtifact, StageRecord, write_report};
@@ -49,7 +50,9 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
         stages: &made,
         rounds: &pipeline.rounds,
     };
-    history.model_warnings.extend(neglected_effects(&pipeline, &artifacts)?);
+    history
+        .model_warnings
+        .extend(neglected_effects(&pipeline, &artifacts, ProgressMode::Bars)?);
     check(&history, arguments)?;
     // Checked before the report is made.
     write::folder(&arguments.output)?;
