@@ -3,6 +3,7 @@
 mod artifacts;
 mod background_figures;
 mod cached_results;
+mod designed_for;
 mod designs;
 pub mod drawing;
 mod error;

@@ -148,7 +148,7 @@ fn designs(summary: &VerificationSummary) -> Vec<PredictionPair> {
     let searched = summary.rows.iter().filter(|row| row.role.is_searched());
     let both = searched.filter_map(|row| {
         Some(PredictionPair {
-            predicted: row.predicted_mm?,
+            predicted: row.comparable_prediction_mm()?,
             simulated: row.simulated_mm?,
         })
     });
@@ -287,6 +287,7 @@ mod tests {
             gain_equal_area: None,
             ratio_to_optimum: None,
             optimum_is: None,
+            other_scene: None,
             constraints: String::new(),
         }
     }

@@ -7,6 +7,7 @@ use std::fmt;
 use serde::Serialize;
 
 use super::artifacts::ArtifactReader;
+use super::designed_for::other_scenes;
 use super::designs::{Compared, LEAST_MM, comparison, gain, is_to_be_met};
 use super::error::ReportError;
 use super::format::{change, counted, mm, mm_measured, percents, three};
@@ -61,7 +62,7 @@ pub struct RowSummary {
     pub simulated_mm: Option<f64>,
     /// Its estimated error, in mm.
     pub simulated_error_mm: Option<f64>,
-    /// Predicted minus simulated, in mm.
+    /// Predicted minus simulated, in mm; `None` if the prediction is for another scene.
     pub difference_mm: Option<f64>,
     /// Distance from the target displacement or angle, in mm, if there is one.
     pub distance_mm: Option<f64>,
@@ -80,12 +81,25 @@ pub struct RowSummary {
     pub ratio_to_optimum: Option<f64>,
     /// What the optimum is, if there is a ratio to it.
     pub optimum_is: Option<&'static str>,
+    /// How the scene of the prediction differs from that of the simulation, if it does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub other_scene: Option<String>,
     /// The constraints of the target in YAML.
     #[serde(skip)]
     pub constraints: String,
 }
 
 impl RowSummary {
+    /// Its prediction in mm, if that is for the simulated scene.
+    pub(super) fn comparable_prediction_mm(&self) -> Option<f64> {
+        self.predicted_mm.filter(|_| self.other_scene.is_none())
+    }
+
+    /// Its prediction by a calibrated network, if that is for the simulated scene.
+    fn comparable_interval(&self) -> Option<&NetworkInterval> {
+        self.interval.as_ref().filter(|_| self.other_scene.is_none())
+    }
+
     /// Whether it was searched, and not drawn for comparison.
     #[must_use]
     pub fn is_design(&self) -> bool {
@@ -157,18 +171,23 @@ pub fn read(source: &ArtifactReader<'_>) -> Result<VerificationSummary, ReportEr
     if rows.is_empty() {
         return Err(source.wrong("it has no designs"));
     }
-    let view = source.of(Verification::open(source.artifact))?.rows();
+    let verification = source.of(Verification::open(source.artifact))?;
+    let (view, scene) = (verification.rows(), source.of(verification.scene().read())?);
     let intervals = intervals::of_rows(source, &view, rows.len())?;
     rows.iter_mut()
         .zip(intervals)
         .for_each(|(row, interval)| row.interval = interval);
+    for (row, other) in rows.iter_mut().zip(other_scenes(source, &view, &scene)?) {
+        row.difference_mm = row.difference_mm.filter(|_| other.is_none());
+        row.other_scene = other;
+    }
     let compared: Vec<RowSummary> = rows.iter().map(|row| compared(row, &rows)).collect();
     Ok(VerificationSummary {
         stage: source.stage.stage.clone(),
         largest_difference: largest_difference(found(&compared)),
         not_stable: compared
             .iter()
-            .filter(|row| row.predicted_mm.is_some() && row.simulated_mm.is_none())
+            .filter(|row| row.comparable_prediction_mm().is_some() && row.simulated_mm.is_none())
             .count(),
         rows: compared,
     })
@@ -214,7 +233,7 @@ impl VerificationSummary {
             };
         }
         let mut text = format!("{stage}: best design ({})", best.role_name());
-        if let Some(predicted) = best.predicted_mm {
+        if let Some(predicted) = best.comparable_prediction_mm() {
             text += &format!(", predicted {} mm", mm(predicted));
         }
         let word = simulation_word(best.outcome);
@@ -267,7 +286,7 @@ impl VerificationSummary {
             }
             None => return None,
         };
-        let flagged = found(&self.rows).filter_map(|row| row.interval.as_ref());
+        let flagged = found(&self.rows).filter_map(RowSummary::comparable_interval);
         let flagged = flagged.filter(|interval| interval.out_of_distribution).count();
         let text = match flagged {
             0 => text,
@@ -357,6 +376,7 @@ fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, StoreError> {
             gain_equal_area: None,
             ratio_to_optimum: None,
             optimum_is: None,
+            other_scene: None,
             constraints: constraints[k].clone(),
         }
     };
@@ -421,9 +441,22 @@ impl fmt::Display for VerificationSummary {
             let text = self.not_stable_text();
             writeln!(f, "  {text}: the evaluator is not accurate here")?;
         }
-        let with_interval = found(&self.rows).filter_map(|row| Some((row.interval.as_ref()?, row.simulated_mm)));
+        let with_interval = found(&self.rows).filter_map(|row| Some((row.comparable_interval()?, row.simulated_mm)));
         if let Some(verdict) = intervals::verdict(with_interval) {
             writeln!(f, "  {verdict}")?;
+        }
+        if let Some(other) = self.rows.iter().find_map(|row| row.other_scene.as_ref()) {
+            let difference = largest_difference(self.rows.iter());
+            let others = if difference.is_some() {
+                "some predictions are"
+            } else {
+                "the predictions are"
+            };
+            write!(f, "  {others} for another scene, and not compared: {other}")?;
+            match difference {
+                Some(_) => writeln!(f)?,
+                None => return Ok(()),
+            }
         }
         // Of all rows above, so that no row shows a larger difference.
         match largest_difference(self.rows.iter()) {

@@ -60,6 +60,7 @@ mod schema;
 mod screen;
 mod serve;
 mod sharing;
+mod sides;
 mod solve;
 mod sweep;
 mod terminal;

@@ -125,6 +125,7 @@ pub(crate) mod tests {
             role,
             member: 0,
             units,
+            setting: String::new(),
             objective: Objective::read("{ point: [25, 25], direction: 0 }", &Scene::vhb4910()).unwrap(),
             area_target: "0.5".into(),
             area: 0.5,

@@ -31,6 +31,8 @@ pub struct Design {
     pub member: u64,
     /// Units along a side of the membrane that the search could switch.
     pub units: u64,
+    /// The values of the axes of the sweep whose stage has it, as in the name of the stage; empty without a sweep.
+    pub setting: String,
     /// The objective.
     pub objective: Objective,
     /// The requested area fraction, or `free`.

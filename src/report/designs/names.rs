@@ -18,7 +18,7 @@ pub fn name(designs: &mut [Design]) {
         .iter()
         .map(|design| {
             let members = largest.get(&counted(design));
-            plain(design, members.is_some_and(|most| *most > 0))
+            plain(design, members.is_some_and(|most| *most > 0), is_swept(designs, design))
         })
         .collect();
     let mut taken = BTreeSet::new();
@@ -39,8 +39,9 @@ pub fn name(designs: &mut [Design]) {
     }
 }
 
-/// Returns case, target, number and role. A target that is the end of the case is left out.
-fn plain(design: &Design, several: bool) -> String {
+/// Returns case, target, values of a sweep if targets differ in these, number and role. A target that is the end of the case
+/// is left out.
+fn plain(design: &Design, several: bool, is_swept: bool) -> String {
     let (case, target) = (safe(&design.case), safe(&design.target));
     let is_in_case = case == target || case.ends_with(&format!("-{target}"));
     let role = match design.role {
@@ -52,10 +53,19 @@ fn plain(design: &Design, several: bool) -> String {
     let parts = [
         (!case.is_empty()).then_some(case),
         (!target.is_empty() && !is_in_case).then_some(target),
+        is_swept
+            .then(|| safe(&design.setting))
+            .filter(|values| !values.is_empty()),
         number,
         Some(role.to_owned()),
     ];
     parts.into_iter().flatten().collect::<Vec<_>>().join("-")
+}
+
+/// Whether the same target belongs to stages with different values of the axes of a sweep.
+pub fn is_swept(designs: &[Design], design: &Design) -> bool {
+    let same = |other: &&Design| (&other.case, &other.target) == (&design.case, &design.target);
+    designs.iter().filter(same).any(|other| other.setting != design.setting)
 }
 
 /// Replaces characters that a file name must not have.
@@ -112,6 +122,17 @@ mod tests {
                 "design-ga"
             ]
         );
+    }
+
+    #[test]
+    fn names_have_the_values_of_a_sweep_where_they_differ() {
+        let at = |setting: &str| Design {
+            setting: setting.into(),
+            ..of("", "design", Role::Optimum, 0)
+        };
+        let names = named(vec![at("load=0.3N"), at("load=0.5N")]);
+        assert_eq!(names, ["design-load-0.3N-optimum", "design-load-0.5N-optimum"]);
+        assert_eq!(named(vec![at("load=0.3N")]), ["design-optimum"]);
     }
 
     #[test]

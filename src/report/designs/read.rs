@@ -7,6 +7,7 @@ use super::design::{Comparison, Design, StateField};
 use super::names::name;
 use super::objective::Objective;
 use crate::artifacts::{ArtifactReader, RunArtifacts};
+use crate::designed_for::other_scenes;
 use crate::drawing::Background;
 use crate::error::ReportError;
 use crate::intervals;
@@ -92,6 +93,13 @@ fn verified(source: &ArtifactReader<'_>) -> Result<Vec<Design>, ReportError> {
     );
     let scene = source.of(view.scene().read())?;
     let states = source.of(view.states().displacement().read_if_there())?;
+    for (design, other) in designs.iter_mut().zip(other_scenes(source, &view.rows(), &scene)?) {
+        if other.is_some() {
+            // The design stage has its own row, with the prediction for its scene.
+            (design.predicted, design.predicted_mm, design.interval) = (None, None, None);
+            design.states.clear();
+        }
+    }
     for ((design, row), outcome) in designs.iter_mut().zip(rows).zip(outcomes) {
         design.outcome = Some(outcome);
         let Some(row) = row else { continue };
@@ -138,6 +146,7 @@ fn read(
             role: rows.role[k],
             member: rows.member[k],
             units: rows.units[k],
+            setting: setting(&source.stage.stage),
             objective: Objective::read(&rows.objective.0[k], &scene).map_err(|e| source.wrong(e.to_string()))?,
             area_target: area_target(&rows.area_target[k]),
             area: rows.area[k],
@@ -162,6 +171,13 @@ fn read(
         })
     };
     (0..rows.len()).map(design).collect()
+}
+
+/// Returns the values of the axes in the name of a stage of a sweep.
+fn setting(stage: &str) -> String {
+    stage
+        .split_once('@')
+        .map_or(String::new(), |(_, values)| values.to_owned())
 }
 
 /// Returns fields with the names of their states.

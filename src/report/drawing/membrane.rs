@@ -9,11 +9,12 @@ use maud::{Markup, html};
 
 use super::chart::THOUSAND;
 use super::error::FigureError;
-use super::path::{number, path};
+use super::path::{head, number, path};
+use super::sides;
 use deaflow_field::Field;
 use deaflow_pattern as pattern;
 use deaflow_pattern::{Bits, Corners, Part, Pattern, PatternForm, Point, Polygons, Raster, outlines};
-use deaflow_scene::Scene;
+use deaflow_scene::{Scene, Sides};
 
 /// Margin of a drawing, thousandths of its side.
 const MARGIN: f64 = 12.0;
@@ -34,6 +35,8 @@ pub struct Background {
     bodies: Vec<Vec<Point>>,
     /// The cells that may carry electrodes; `None` if all can.
     free: Option<Bits>,
+    /// What supports the sides, if not all are held.
+    sides: Option<Sides>,
 }
 
 impl Background {
@@ -60,6 +63,7 @@ impl Background {
             frame,
             bodies,
             free: parts.as_ref().map(|parts| parts.free_cells()),
+            sides: scene.geometry.sides.clone(),
         }
     }
 
@@ -71,6 +75,7 @@ impl Background {
             frame: Vec::new(),
             bodies: Vec::new(),
             free: None,
+            sides: None,
         }
     }
 
@@ -105,15 +110,36 @@ impl Background {
     }
 
     /// Returns its part of the drawing, with a margin: left, top, width and height in thousandths of the longer side.
+    ///
+    /// Sides that are not held may move by a part of the size.
     #[must_use]
     pub fn view(&self) -> [f64; 4] {
+        let margin = match self.sides {
+            None => MARGIN,
+            Some(_) => MARGIN + THOUSAND * FARTHEST,
+        };
         let [width, height] = self.plane.size_mm.map(|size| (THOUSAND * size / self.side()).round());
         [
-            -MARGIN,
-            THOUSAND - height - MARGIN,
-            width + 2.0 * MARGIN,
-            height + 2.0 * MARGIN,
+            -margin,
+            THOUSAND - height - margin,
+            width + 2.0 * margin,
+            height + 2.0 * margin,
         ]
+    }
+
+    /// Returns what supports the sides, if not all are held.
+    #[must_use]
+    pub fn sides(&self) -> Option<&Sides> {
+        self.sides.as_ref()
+    }
+
+    /// Draws the sides at rest, if not all are held.
+    #[must_use]
+    pub fn draw_sides(&self) -> Markup {
+        let side = self.side();
+        html! {
+            @if let Some(sides) = &self.sides { (sides::draw(sides, self.plane.size_mm, |at| to_drawing(at, side))) }
+        }
     }
 
     /// Converts a corner of cells to mm.
@@ -148,7 +174,7 @@ impl Background {
             }
         };
         html! {
-            path class="frame" d=(edge) {}
+            path class=(if self.sides.is_some() { "mount" } else { "frame" }) d=(edge) {}
             @if !self.frame.is_empty() { path class="held" d=(self.edge(&self.frame)) {} }
         }
     }
@@ -309,6 +335,13 @@ impl DeformedMembrane {
         html! { path class="mesh" d=(horizontal.chain(vertical).collect::<String>()) {} }
     }
 
+    /// Draws the deformed sides, if not all are held.
+    pub fn sides(&self, scale: f64) -> Markup {
+        let plane = self.background.plane;
+        let moved = |at| self.moved(plane.in_cells(at), scale);
+        html! { @if let Some(sides) = &self.background.sides { (sides::draw(sides, plane.size_mm, moved)) } }
+    }
+
     /// Draws the displacements of the points of the objective.
     pub fn arrows(&self, scale: f64) -> Markup {
         let unit = THOUSAND * scale / self.background.side();
@@ -415,19 +448,10 @@ fn arrow((x, y): (f64, f64), (dx, dy): (f64, f64)) -> Markup {
     if !length.is_finite() || length < 12.0 {
         return point;
     }
-    let (ux, uy) = (dx / length, dy / length);
-    let head = (0.5 * length).min(42.0);
-    let tip = (x + dx, y + dy);
-    let wing = |side: f64| {
-        (
-            tip.0 - head * (ux - 0.5 * side * uy),
-            tip.1 - head * (uy + 0.5 * side * ux),
-        )
-    };
-    let base = (tip.0 - 0.8 * head * ux, tip.1 - 0.8 * head * uy);
+    let (base, head) = head((x, y), (x + dx, y + dy));
     html! {
         path class="arrow" d=(path(&[(x, y), base], false)) {}
-        path class="head" d=(path(&[tip, wing(1.0), wing(-1.0)], true)) {}
+        path class="head" d=(head) {}
         (point)
     }
 }

@@ -8,6 +8,7 @@ mod membrane;
 mod path;
 mod raster;
 mod sheet;
+mod sides;
 
 pub use axis::{Axis, EMPTY, extent};
 pub use chart::{Chart, Colour, LARGE, MAX_NAMED, Mark, Series, THOUSAND};
@@ -16,3 +17,4 @@ pub use membrane::{Background, DeformedMembrane, direction, exaggeration, viridi
 pub use path::number;
 pub use raster::{DRAWING_STYLE, PAGE_STYLE, with_texts};
 pub use sheet::Sheet;
+pub use sides::{LEGEND, described};

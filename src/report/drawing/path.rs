@@ -39,6 +39,22 @@ pub fn path(points: &[(f64, f64)], closed: bool) -> String {
     out
 }
 
+/// Returns where the head of an arrow begins, and its path.
+pub fn head((x, y): (f64, f64), tip: (f64, f64)) -> ((f64, f64), String) {
+    let (dx, dy) = (tip.0 - x, tip.1 - y);
+    let length = dx.hypot(dy);
+    let (ux, uy) = (dx / length, dy / length);
+    let head = (0.5 * length).min(42.0);
+    let wing = |side: f64| {
+        (
+            tip.0 - head * (ux - 0.5 * side * uy),
+            tip.1 - head * (uy + 0.5 * side * ux),
+        )
+    };
+    let base = (tip.0 - 0.8 * head * ux, tip.1 - 0.8 * head * uy);
+    (base, path(&[tip, wing(1.0), wing(-1.0)], true))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use crate::drawing::{Axis, Background, Chart, DeformedMembrane, Sheet, THOUSAND, exaggeration, viridis};
+use crate::drawing::{Axis, Background, Chart, DeformedMembrane, Sheet, THOUSAND, described, exaggeration, viridis};
 use crate::format::mm;
 
 /// Length of the longer side of the membrane, and width of the colour bar.
@@ -31,11 +31,15 @@ pub(super) fn electrode(title: &str, data: &DeformedMembrane, scale: f64, side: 
         "true to scale".into()
     };
     // There is no space for both.
-    let more = data
-        .state()
-        .map_or("grey: at rest".to_owned(), |state| format!("state {state}"));
+    let grey = match data.background().sides() {
+        None => "grey: at rest",
+        // Displacements of designs count from rest, but are drawn on the membrane as it is mounted.
+        Some(_) => "grey: mounted",
+    };
+    let more = data.state().map_or(grey.to_owned(), |state| format!("state {state}"));
     let note = format!("area {:.1} %, {factor}, {more}", 100.0 * data.area());
-    let inside = html! { (data.electrode(scale)) (data.outline("ghost", 0.0)) (data.arrows(scale)) };
+    let inside =
+        html! { (data.electrode(scale)) (data.outline("ghost", 0.0)) (data.sides(scale)) (data.arrows(scale)) };
     on_membrane(title, note, data.background(), inside, side)
 }
 
@@ -47,8 +51,13 @@ fn magnitude(data: &DeformedMembrane, scale: f64) -> Chart {
         }
         _ => format!("largest {} mm", mm(data.largest())),
     };
-    let inside = html! { (data.magnitudes(scale)) (data.outline("light", scale)) (data.arrows(scale)) };
-    on_membrane("Magnitude of the displacement", note, data.background(), inside, SIDE)
+    let inside =
+        html! { (data.magnitudes(scale)) (data.outline("light", scale)) (data.sides(scale)) (data.arrows(scale)) };
+    let mut chart = on_membrane("Magnitude of the displacement", note, data.background(), inside, SIDE);
+    if let Some(sides) = data.background().sides() {
+        chart.x = chart.x.with_label(&format!("x [mm]; {}", described(sides)));
+    }
+    chart
 }
 
 /// Returns width and height of a frame, fractions of the longer side of the membrane.

@@ -163,7 +163,8 @@ pub fn gallery_sheet(cases: &[VerifiedPattern]) -> Result<Sheet, FigureError> {
                     text class="ink" x="8" y="30" { (case.rounded()) " mm" }
                     text x="8" y="45" { (width) }
                     g.membrane transform="translate(8 54) scale(0.128)" {
-                        (membrane.background().draw_frame()) (membrane.electrode(scale)) (membrane.arrows(scale))
+                        (membrane.background().draw_frame()) (membrane.electrode(scale))
+                        (membrane.sides(scale)) (membrane.arrows(scale))
                     }
                 }
             },

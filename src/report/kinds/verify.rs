@@ -117,7 +117,7 @@ fn verification(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportErro
         VerifiedPattern {
             name: summary.title(),
             membrane,
-            predicted: summary.predicted_mm,
+            predicted: summary.comparable_prediction_mm(),
             simulated: summary.simulated_mm.unwrap_or(0.0),
             error: summary.simulated_error_mm,
             gain: summary.gain_own_area,

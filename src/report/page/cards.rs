@@ -81,6 +81,7 @@ fn pattern(design: &Design) -> Markup {
     );
     let content = html! {
         (design.background.electrode_at_rest(&design.pattern))
+        (design.background.draw_sides())
         @for target in design.objective.points() {
             @if let TargetMotion::Along(degrees) = target.motion {
                 (direction(target.point, design.background.side(), degrees, ARROW))
@@ -104,7 +105,7 @@ fn deformed(design: &Design, state: Option<&StateField>, scale: f64) -> Markup {
     );
     let content = html! {
         @if let Some(membrane) = design.membrane(state) {
-            (membrane.electrode(scale)) (membrane.mesh(scale)) (membrane.arrows(scale))
+            (membrane.electrode(scale)) (membrane.mesh(scale)) (membrane.sides(scale)) (membrane.arrows(scale))
         }
     };
     drawing(design, &description, &content)

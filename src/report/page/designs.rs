@@ -3,8 +3,8 @@
 use maud::html;
 
 use super::cards::{FOLDER, cards, shared};
-use crate::designs::{Design, Role, role_title};
-use crate::drawing::{Axis, Chart, Colour, DeformedMembrane, Mark, Series, exaggeration};
+use crate::designs::{Design, Role, is_swept, role_title};
+use crate::drawing::{Axis, Chart, Colour, DeformedMembrane, LEGEND, Mark, Series, exaggeration};
 use crate::format::{change, mm, mm_measured, percents, three};
 use crate::html::{Column, Page};
 use crate::intervals::verdict;
@@ -49,6 +49,12 @@ pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
             .to_owned(),
         format!("Displacements are drawn {times}; the faint grid is the membrane at rest.{optimum}"),
     ]);
+    if designs.iter().any(|design| design.background.sides().is_some()) {
+        page.line(&format!(
+            "Displacements of membranes with sides that are not held count from rest, with all loads and without \
+             voltage; they are drawn on the membrane as it is mounted. {LEGEND}"
+        ));
+    }
     page.add(html! {
         p {
             "All numbers: " a href={ (FOLDER) "designs.csv" } { "designs.csv" } ". Each pattern, and the mask of each \
@@ -64,7 +70,7 @@ pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
             name => format!("Case {name}"),
         });
         let compared = case.iter().filter(|design| design.role.is_compared());
-        let mut rows: Vec<Vec<String>> = compared.map(|design| row(design)).collect();
+        let mut rows: Vec<Vec<String>> = compared.map(|design| row(design, is_swept(designs, design))).collect();
         if case.iter().all(|design| design.target == first.target) {
             // The only target is named below.
             rows.iter_mut()
@@ -78,7 +84,10 @@ pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
         }
         for target in together(case.iter().copied(), Design::has_same_target) {
             let Some(first) = target.first() else { continue };
-            page.title(&first.target);
+            page.title(&match is_swept(designs, first) && !first.setting.is_empty() {
+                true => format!("{}, {}", first.target, first.setting),
+                false => first.target.clone(),
+            });
             let area = match first.area_target.as_str() {
                 "free" => "any area".to_owned(),
                 area => area.parse().map_or_else(
@@ -132,8 +141,9 @@ fn without_empty(columns: &[(&'static str, Column)], rows: &mut [Vec<String>]) -
 }
 
 /// Columns of the table; empty ones are left out.
-const COLUMNS: [(&str, Column); 14] = [
+const COLUMNS: [(&str, Column); 15] = [
     ("target", Column::Key),
+    ("sweep", Column::Key),
     ("design", Column::Key),
     ("units", Column::Number),
     ("area", Column::Number),
@@ -149,7 +159,7 @@ const COLUMNS: [(&str, Column); 14] = [
     ("status", Column::Key),
 ];
 
-fn row(design: &Design) -> Vec<String> {
+fn row(design: &Design, is_swept: bool) -> Vec<String> {
     let text = |known: Option<String>| known.unwrap_or_default();
     let gain = |other: Option<f64>| text(other.and_then(|other| design.gain_over(other)).map(change));
     let compared = &design.compared;
@@ -170,6 +180,11 @@ fn row(design: &Design) -> Vec<String> {
     };
     vec![
         design.target.clone(),
+        if is_swept {
+            design.setting.clone()
+        } else {
+            String::new()
+        },
         format!("{}{number}", role_title(design.role)),
         design.units.to_string(),
         percents(design.area),

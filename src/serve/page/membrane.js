@@ -65,7 +65,7 @@ export function prepared(canvas, ratio) {
 /**
  * Draws the cells of a pattern.
  * @param {HTMLCanvasElement} canvas @param {Pattern} pattern
- * @param {{ratio?: number, grid?: boolean, parts?: number[]|null, cursor?: [number, number]|null, heat?: ArrayLike<number>|null, point?: [number, number]|null, direction?: number}} [more]
+ * @param {{ratio?: number, grid?: boolean, parts?: number[]|null, cursor?: [number, number]|null, heat?: ArrayLike<number>|null, point?: [number, number]|null, direction?: number, sides?: Supports|null}} [more]
  */
 export function drawPattern(canvas, pattern, more = {}) {
   remember(canvas, () => drawPattern(canvas, pattern, more));
@@ -135,9 +135,12 @@ export function drawPattern(canvas, pattern, more = {}) {
     for (let y = 5; y < rows; y += 5) line(context, 0, height - y * dy, width, height - y * dy);
     context.stroke();
   }
-  context.strokeStyle = FRAME;
-  context.lineWidth = 2;
-  context.strokeRect(0, 0, width, height);
+  if (more.sides) drawSides(canvas, context, more.sides, columns, rows, (x, y) => [(x * width) / columns, height - (y * height) / rows]);
+  else {
+    context.strokeStyle = FRAME;
+    context.lineWidth = 2;
+    context.strokeRect(0, 0, width, height);
+  }
   if (more.point) arrow(context, more.point[0] * width, height - more.point[1] * height, more.direction ?? 0, 0.12 * width);
   if (more.cursor) {
     context.strokeStyle = colour(canvas, "--vermillion");
@@ -205,7 +208,7 @@ const images = new WeakMap();
 /**
  * Draws the deformed membrane with coloured cells. Cells are filled pixel by pixel, which is several times faster than paths.
  * @param {HTMLCanvasElement} canvas @param {Pattern} pattern @param {Float32Array|null} displacement corners, mm
- * @param {{size: [number, number], scale?: number, values?: ArrayLike<number>|null, signed?: boolean, low?: number, high?: number, parts?: number[]|null}} more
+ * @param {{size: [number, number], scale?: number, values?: ArrayLike<number>|null, signed?: boolean, low?: number, high?: number, parts?: number[]|null, sides?: Supports|null}} more
  */
 export function drawMembrane(canvas, pattern, displacement, more) {
   remember(canvas, () => drawMembrane(canvas, pattern, displacement, more));
@@ -249,8 +252,42 @@ export function drawMembrane(canvas, pattern, displacement, more) {
   if (dense !== 1) for (let at = 0; at < corners; at += 1) [px[at], py[at]] = [px[at] / dense, py[at] / dense];
   if (more.values) outline(context, pattern, px, py);
   context.strokeStyle = FRAME;
-  context.lineWidth = 2;
+  // Where sides are not held, this is the mount.
+  context.lineWidth = more.sides ? 0.5 : 2;
   context.strokeRect(MARGIN * width, MARGIN * height, width * (1 - 2 * MARGIN), height * (1 - 2 * MARGIN));
+  if (more.sides) drawSides(canvas, context, more.sides, columns, rows, (x, y) => [px[y * (columns + 1) + x], py[y * (columns + 1) + x]]);
+}
+
+/** What supports each side: held, free, roller, load or bar. @typedef {Record<string, string>} Supports */
+
+/** What the lines of sides mean. */
+export const SIDES = "sides: thick grey is held, thin is free, circles are rollers, thick dark is a bar";
+
+/**
+ * Draws each side as what supports it.
+ * @param {HTMLCanvasElement} canvas @param {CanvasRenderingContext2D} context @param {Supports} sides @param {number} columns @param {number} rows
+ * @param {(x: number, y: number) => [number, number]} at the place of a corner of cells
+ */
+function drawSides(canvas, context, sides, columns, rows, at) {
+  for (const [name, support] of Object.entries(sides)) {
+    const upright = name === "left" || name === "right";
+    const cells = upright ? rows : columns;
+    const end = name === "right" ? columns : name === "top" ? rows : 0;
+    const corner = (/** @type {number} */ k) => (upright ? at(end, k) : at(k, end));
+    context.strokeStyle = support === "bar" ? colour(canvas, "--ink") : FRAME;
+    context.lineWidth = support === "bar" ? 8 : support === "held" ? 6 : 1.5;
+    context.beginPath();
+    for (let k = 0; k <= cells; k += 1) context.lineTo(...corner(k));
+    context.stroke();
+    if (support !== "roller") continue;
+    context.fillStyle = colour(canvas, "--paper");
+    for (let k = 0; k < 6; k += 1) {
+      context.beginPath();
+      context.arc(...corner(Math.round(((k + 0.5) / 6) * cells)), 4, 0, 7);
+      context.fill();
+      context.stroke();
+    }
+  }
 }
 
 /** @param {HTMLCanvasElement} canvas @param {CanvasRenderingContext2D} context */

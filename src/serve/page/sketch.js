@@ -2,7 +2,7 @@
 
 import { frame, json } from "./server.js";
 import { attempt, bytes, choice, h, labelled, near, number, numeric, problem, rangeEnds, replace, roundedBy, seconds, settled, showInvalid } from "./elements.js";
-import { drawBar, drawMembrane, drawPattern, magnitudes } from "./membrane.js";
+import { SIDES, drawBar, drawMembrane, drawPattern, magnitudes } from "./membrane.js";
 import { range } from "./colours.js";
 import { Pattern } from "./pattern.js";
 import { HINTS, quantity } from "./quantity.js";
@@ -560,6 +560,7 @@ class Sketchpad {
       ratio: size[1] / size[0],
       grid: true,
       parts,
+      sides: this.scene.sides,
       cursor: this.pen.showCursor ? this.pen.cursor : null,
       heat: sensitivity ?? null,
       point: [this.point[0] / size[0], this.point[1] / size[1]],
@@ -569,7 +570,7 @@ class Sketchpad {
 
   drawMembrane() {
     const { columns, rows } = this.pattern;
-    const { size_mm: size, parts } = this.scene;
+    const { size_mm: size, parts, sides } = this.scene;
     const shown = this.shown;
     const displacement = /** @type {Float32Array|null} */ (shown?.arrays.displacement?.data ?? null);
     const pattern = displacement ? shown.pattern : this.pattern;
@@ -579,13 +580,14 @@ class Sketchpad {
     const [name, unit, factor, fromZero] = /** @type {any} */ (COLOURINGS)[this.colouring];
     const [least, high] = values ? range(values) : [0, 0];
     const low = fromZero ? Math.min(0, least) : least;
-    drawMembrane(this.membrane, pattern, displacement, { size, scale: this.scale, values, parts, low, high });
+    drawMembrane(this.membrane, pattern, displacement, { size, scale: this.scale, values, parts, sides, low, high });
     if (values) {
       drawBar(this.bar, false);
       // The error is that of displacements.
       const known = this.colouring === "displacement" && !shown.quick ? shown.document.error : null;
       this.legend.textContent = `${name}: ${[low, high].map((end) => (end === 0 ? "0" : roundedBy(end / factor, known, 3))).join(" to ")} ${unit}`;
     } else this.legend.textContent = this.colouring === "electrode" || !shown || displacement ? "electrodes" : "no stable state: the membrane is shown at rest";
+    if (sides) this.legend.textContent += `; ${SIDES}`;
     this.bar.hidden = !values;
   }
 

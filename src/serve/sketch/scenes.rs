@@ -9,7 +9,7 @@ use crate::http::{ApiError, Request, Response};
 use crate::state::{NamedScene, ServerState};
 use deaflow_fem::effects::EFFECTS;
 use deaflow_pattern::Part;
-use deaflow_scene::Scene;
+use deaflow_scene::{Scene, Sides};
 
 /// Lists the scenes, the default one first, and the files whose scenes cannot be used, with their errors.
 ///
@@ -66,8 +66,17 @@ fn document(named: &NamedScene) -> Value {
         "auto": scene.auto,
         "effects": EFFECTS.iter().map(effect).collect::<Vec<_>>(),
         "parts": parts(scene),
+        "sides": scene.geometry.sides.as_ref().map(sides),
         "prices": prices([columns, rows]),
     })
+}
+
+/// Returns the support of each side by its name.
+fn sides(sides: &Sides) -> Value {
+    sides
+        .iter()
+        .map(|(edge, side)| (edge.name().to_owned(), json!(side.name())))
+        .collect()
 }
 
 /// Returns what is not membrane, row by row from below: 1 frame, 2 rigid body, else 0; `None` if all is membrane.
