@@ -54,8 +54,8 @@ pub use output_file::{
     OutputError, OutputFile, folder_of, is_dangling_link, kind_of, output_folder, temporary_file, write_output,
 };
 pub use parameters::{
-    Angle, Charge, Current, Declared, Density, ElectricField, Force, Frequency, Length, Parameter, Resistance, Seed,
-    SpringRate, Stress, Time, Voltage,
+    Angle, Charge, Current, Declared, Density, ElectricField, Force, Frequency, Length, Mass, Parameter, Resistance,
+    Seed, SpringRate, Stress, Time, Voltage,
 };
 pub use plain_name::is_plain_name;
 pub use printable::{is_unprintable, printable, printable_json};

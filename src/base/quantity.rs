@@ -226,6 +226,8 @@ pub enum Dimension {
     Frequency,
     /// A time, base unit s.
     Time,
+    /// A mass, base unit kg.
+    Mass,
     /// A density of mass, base unit kg/m3.
     Density,
     /// An electric resistance, base unit Ohm.
@@ -242,7 +244,7 @@ pub enum Dimension {
 
 impl Dimension {
     /// All dimensions.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::Number,
         Self::Length,
         Self::Voltage,
@@ -251,6 +253,7 @@ impl Dimension {
         Self::Field,
         Self::Frequency,
         Self::Time,
+        Self::Mass,
         Self::Density,
         Self::Resistance,
         Self::Force,
@@ -324,6 +327,7 @@ impl Dimension {
             Self::Field => &[("V/m", 0), ("kV/m", 3), ("MV/m", 6), ("V/um", 6), ("kV/mm", 6)],
             Self::Frequency => &[("Hz", 0), ("kHz", 3), ("MHz", 6), ("mHz", -3)],
             Self::Time => &[("s", 0), ("ms", -3), ("us", -6), ("ks", 3), ("min", 0), ("h", 2)],
+            Self::Mass => &[("kg", 0), ("g", -3), ("mg", -6)],
             Self::Density => &[("kg/m3", 0), ("g/cm3", 3)],
             Self::Resistance => &[("Ohm", 0), ("kOhm", 3), ("MOhm", 6), ("GOhm", 9)],
             Self::Force => &[("N", 0), ("mN", -3), ("uN", -6), ("kN", 3)],
@@ -369,6 +373,7 @@ impl fmt::Display for Dimension {
             Self::Field => "electric field",
             Self::Frequency => "frequency",
             Self::Time => "time",
+            Self::Mass => "mass",
             Self::Density => "density",
             Self::Resistance => "resistance",
             Self::Force => "force",

@@ -13,7 +13,7 @@ use super::laminate::excess_tangent;
 use super::material::Material;
 use super::memory;
 use super::operator::Operator;
-use super::supports::{Pose, Supports};
+use super::supports::{Pose, Rigid, Supports};
 use deaflow_field::Order;
 
 /// The sparsity of the tangent and a fill-reducing order of the unknowns, the same for all tangents of a grid.
@@ -73,7 +73,9 @@ impl Structure {
             Order::Bilinear => assemble_mass::<Bilinear, 4>(&self.unknowns, grid, &poses),
             Order::Biquadratic => assemble_mass::<Biquadratic, 9>(&self.unknowns, grid, &poses),
         };
-        entries.resize(entries.len() + 3 * self.unknowns.bodies(), 0.0);
+        if let Some(supports) = &self.unknowns.supports {
+            entries.extend(supports.bodies().iter().flat_map(Rigid::own_masses));
+        }
         self.sparsity.matrix(&entries)
     }
 

@@ -1,7 +1,9 @@
 //! The mass matrix of a membrane: density times area, in units in which both are 1.
 //!
 //! On rectangles it is M⊗M with the one-dimensional mass matrices; with mapped elements it is assembled. The image is
-//! projected onto admissible motions like any force: a body is as heavy as the membrane in its place.
+//! projected onto admissible motions like any force: a body is as heavy as the membrane in its place. The mass of a bar
+//! is spread evenly along its side: for motions t and ω of a rigid side of length L the functions of its nodes, which
+//! are exact, give m and m L²/12.
 
 use crate::registers::dispatch;
 use deaflow_linalg::Mat;
@@ -11,6 +13,8 @@ use super::grid::Grid;
 use super::lanes::Real;
 use super::layout::NodeLayout;
 use super::modes::line_matrices;
+use super::rectangle::matrices_along;
+use super::sheet::{Mount, SheetSides};
 use deaflow_field::Order;
 
 /// Largest number of entries of a row on either side of the diagonal.
@@ -66,6 +70,22 @@ impl Mass {
     }
 }
 
+/// Returns the masses of pairs of nodes of bars, by the indices of the nodes for the first component.
+fn of_bars(grid: &Grid) -> Vec<(usize, usize, f64)> {
+    let layout = grid.layout();
+    let bars = grid.sheet_sides().into_iter().flat_map(SheetSides::bars);
+    let of_bar = |(side, bar): (usize, Mount)| {
+        let along = 1 - side / 2;
+        let nodes: Vec<usize> = layout.side_nodes(side).map(|[x, y]| layout.index(0, x, y)).collect();
+        let (_, mass) = matrices_along(grid, along, 0..nodes.len());
+        let length: f64 = (0..grid.elements()[along]).map(|at| grid.sides([at; 2])[along]).sum();
+        let pairs = (0..nodes.len()).flat_map(|i| (0..nodes.len()).map(move |k| (i, k)));
+        let masses = pairs.map(|(i, k)| (nodes[i], nodes[k], bar.mass * mass[(i, k)] / length));
+        masses.filter(|(.., mass)| *mass != 0.0).collect::<Vec<_>>()
+    };
+    bars.filter(|(_, bar)| bar.mass > 0.0).flat_map(of_bar).collect()
+}
+
 impl Sparse {
     fn new<E: Element<N>, const N: usize>(grid: &Grid, lumped: bool) -> Self {
         let layout = grid.layout();
@@ -83,6 +103,9 @@ impl Sparse {
                     }
                 }
             }
+        }
+        for (node, other, mass) in of_bars(grid) {
+            rows[node].push((other, mass));
         }
         Self { layout, rows }
     }

@@ -98,7 +98,7 @@ pub(super) struct RectangleScratch {
 }
 
 /// Returns stiffness and mass of the elements along an axis of a grid at these nodes.
-fn matrices_along(grid: &Grid, axis: usize, free: Range<usize>) -> (Mat<f64>, Mat<f64>) {
+pub(super) fn matrices_along(grid: &Grid, axis: usize, free: Range<usize>) -> (Mat<f64>, Mat<f64>) {
     let size = |at: usize| grid.sides([at; 2])[axis];
     match grid.order() {
         Order::Bilinear => matrices_at(free, grid.elements()[axis], &Line::LINEAR, size),

@@ -20,6 +20,8 @@ pub struct Mount {
     pub moves: [bool; 3],
     /// A given translation in mm.
     pub given: [f64; 2],
+    /// Mass over that of an area of the membrane, in mm², in addition to that of the membrane in its place.
+    pub mass: f64,
 }
 
 impl Mount {
@@ -30,9 +32,10 @@ impl Mount {
         spring: 0.0,
         moves: [true; 3],
         given: [0.0; 2],
+        mass: 0.0,
     };
 
-    /// Converts lengths, and the force over μH, from mm to a unit of length.
+    /// Converts lengths, the force over μH, and the mass over that of an area, from mm to a unit of length.
     #[must_use]
     pub fn in_units(self, unit_mm: f64) -> Self {
         let scaled = |lengths: [f64; 2]| lengths.map(|length| length / unit_mm);
@@ -40,6 +43,7 @@ impl Mount {
             load: scaled(self.load),
             arm: scaled(self.arm),
             given: scaled(self.given),
+            mass: self.mass / unit_mm.powi(2),
             ..self
         }
     }
@@ -110,6 +114,12 @@ fn stiffness_n_per_m(scene: &Scene) -> f64 {
     scene.shear_modulus_pa() * scene.thickness_mm() * 1e-3
 }
 
+/// Returns the mass of an area of the prestretched membrane of a scene in kg/mm², if its density is known.
+fn mass_per_area(scene: &Scene) -> Option<f64> {
+    let thickness_m = 1e-3 * scene.thickness_mm() / scene.mean_prestretch().powi(2);
+    Some(1e-6 * scene.density()? * thickness_m)
+}
+
 /// Returns the forces on the bodies of a scene.
 fn mounts(scene: &Scene) -> Vec<Mount> {
     let stiffness = stiffness_n_per_m(scene);
@@ -124,6 +134,8 @@ fn mounts(scene: &Scene) -> Vec<Mount> {
 /// Returns the supports of the sides of a scene; `None` if all are held.
 fn sides(scene: &Scene) -> Option<SheetSides> {
     let (sides, stiffness) = (scene.geometry.sides.as_ref()?, stiffness_n_per_m(scene));
+    // Without a density nothing moves in time.
+    let mass_per_area = mass_per_area(scene).unwrap_or(f64::INFINITY);
     let bar = |edge: Edge| {
         let bar = sides.of(edge).bar()?;
         let mut arm = [0.0; 2];
@@ -134,6 +146,7 @@ fn sides(scene: &Scene) -> Option<SheetSides> {
             spring: bar.spring_n_per_m() / stiffness,
             moves: bar.moves(),
             given: bar.displacement_mm().unwrap_or_default(),
+            mass: bar.mass_kg() / mass_per_area,
         })
     };
     let load = |edge: Edge| sides.of(edge).load_n().unwrap_or_default();

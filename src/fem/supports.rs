@@ -282,6 +282,18 @@ impl Supports {
 }
 
 impl Rigid {
+    /// Returns its own mass along x and y and its moment of inertia, in addition to those of the membrane in its place:
+    /// those of a uniform bar, which alone has one; 0 for motions that it does not make.
+    #[must_use]
+    pub fn own_masses(&self) -> [f64; 3] {
+        let mass = self.mount.mass;
+        let squares = self.nodes.arms.iter().map(|[x, y]| x * x + y * y);
+        // The arms of the ends are half of the length.
+        let moment = mass * squares.fold(0.0, f64::max) / 3.0;
+        let masses = [mass, mass, moment];
+        std::array::from_fn(|at| if self.mount.moves[at] { masses[at] } else { 0.0 })
+    }
+
     /// Returns (TᵀT)⁻¹ times a force and moment, for the motions that the body makes.
     #[must_use]
     pub fn motion(&self, pose: &Pose, force: [f64; 3]) -> [f64; 3] {

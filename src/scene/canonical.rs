@@ -65,8 +65,8 @@ impl Scene {
         SECTIONS.iter().filter_map(line).collect()
     }
 
-    /// Returns the scene without data that does not affect the simulation: the time course of the drive, and properties
-    /// that no effect uses. If screening chooses the effects, everything can affect it.
+    /// Returns the scene without data that does not affect the simulation: the time course of the drive, properties
+    /// that no effect uses, and masses without inertia. If screening chooses the effects, everything can affect it.
     #[must_use]
     pub fn simulated(&self) -> Self {
         match self.auto {
@@ -75,13 +75,17 @@ impl Scene {
         }
     }
 
-    /// Returns the scene without the time course of the drive and without properties, which all simulations of one
-    /// device share.
+    /// Returns the scene without the time course of the drive, without properties, and without masses if there is no
+    /// inertia, which all simulations of one device share.
     #[must_use]
     pub fn without_time(&self) -> Self {
         Self {
             drive: self.drive.without_time(),
             properties: Properties::default(),
+            geometry: match self.has_masses() {
+                true => self.geometry.clone(),
+                false => self.geometry.without_masses(),
+            },
             ..self.clone()
         }
     }

@@ -319,6 +319,15 @@ impl Geometry {
         }
     }
 
+    /// Returns the geometry without the masses of bars.
+    #[must_use]
+    pub(super) fn without_masses(&self) -> Self {
+        Self {
+            sides: self.sides.clone().map(Sides::without_masses),
+            ..self.clone()
+        }
+    }
+
     /// Returns the membrane, on which patterns are drawn.
     ///
     /// # Panics

@@ -275,7 +275,8 @@ impl Scene {
             }
         };
         let group = match &self.geometry.sides {
-            Some(sides) => sides.symmetries(group),
+            Some(sides) if self.has_masses() => sides.symmetries(group),
+            Some(sides) => sides.clone().without_masses().symmetries(group),
             None => group,
         };
         let Some(parts) = self.parts() else {
@@ -421,6 +422,11 @@ impl Scene {
     #[must_use]
     pub fn shear_modulus_pa(&self) -> f64 {
         self.material.shear_modulus.value()
+    }
+
+    /// Returns whether masses can affect the simulation: with inertia, or if screening decides about it.
+    pub(super) fn has_masses(&self) -> bool {
+        self.auto || self.effects.inertia.is_some()
     }
 
     /// Density in kg/m³, from the effect `inertia` or from the properties.

@@ -6,7 +6,7 @@ use serde_json::json;
 
 use super::leads::Edge;
 use deaflow_base::{
-    Canonical, Declared, Fields, Force, InputError, Length, Map, Node, NodeValue, Parameter, Schema, SpringRate,
+    Canonical, Declared, Fields, Force, InputError, Length, Map, Mass, Node, NodeValue, Parameter, Schema, SpringRate,
     parameters, words,
 };
 use deaflow_pattern::{Symmetries, Symmetry};
@@ -15,6 +15,8 @@ use deaflow_pattern::{Symmetries, Symmetry};
 const STRONGEST: f64 = 1e6;
 /// Displacements and distances in mm.
 const LENGTHS: RangeInclusive<f64> = -1e4..=1e4;
+/// The largest mass in kg.
+const HEAVIEST: f64 = 1e3;
 
 words! {
     /// A motion of a bar.
@@ -54,6 +56,8 @@ parameters! {
         pub moves: Option<Vec<BarMotion>> [((), 0..=3)],
         /// A given displacement of the bar along x and y, instead of a load and a spring.
         pub displacement: Option<[Length; 2]> [LENGTHS],
+        /// The mass of the bar, uniform along the side, for motions and natural frequencies.
+        pub mass: Option<Mass> [0.0..=HEAVIEST],
     }
     rules(at_needs_load)
     check(check_bar)
@@ -389,16 +393,32 @@ impl Sides {
         self.changed(at_rest)
     }
 
+    /// Returns the sides without the masses of bars.
+    #[must_use]
+    pub(super) fn without_masses(&self) -> Self {
+        self.map(|side| match side {
+            SideSupport::Bar(bar) => SideSupport::Bar(Bar {
+                mass: None,
+                ..bar.clone()
+            }),
+            other => other.clone(),
+        })
+    }
+
     /// Returns the sides with other supports; `None` if all are the same.
     fn changed(&self, change: impl Fn(&SideSupport) -> SideSupport) -> Option<Self> {
+        let changed = self.map(change);
+        (changed != *self).then_some(changed)
+    }
+
+    fn map(&self, change: impl Fn(&SideSupport) -> SideSupport) -> Self {
         let each = |side: &Option<SideSupport>| side.as_ref().map(&change);
-        let changed = Self {
+        Self {
             left: each(&self.left),
             right: each(&self.right),
             bottom: each(&self.bottom),
             top: each(&self.top),
-        };
-        (changed != *self).then_some(changed)
+        }
     }
 
     /// Returns a rigid motion of a membrane of a size that neither the sides nor springs at these points resist, in
@@ -472,6 +492,7 @@ struct Action {
     /// From the middle of the side to the place of the load.
     arm: [f64; 2],
     spring: f64,
+    mass: f64,
 }
 
 impl Action {
@@ -484,6 +505,7 @@ impl Action {
             given: [0.0; 2],
             arm: [0.0; 2],
             spring: 0.0,
+            mass: 0.0,
         };
         if let Some(bar) = side.bar() {
             let [x, y, turns] = bar.moves();
@@ -494,6 +516,7 @@ impl Action {
                 load: bar.load_n(),
                 given: bar.displacement_mm().unwrap_or_default(),
                 spring: bar.spring_n_per_m(),
+                mass: bar.mass_kg(),
                 ..action
             };
         }
@@ -530,6 +553,12 @@ impl Bar {
     #[must_use]
     pub fn spring_n_per_m(&self) -> f64 {
         self.spring.map_or(0.0, |spring| spring.value())
+    }
+
+    /// Returns the mass in kg.
+    #[must_use]
+    pub fn mass_kg(&self) -> f64 {
+        self.mass.map_or(0.0, |mass| mass.value())
     }
 
     /// Returns the given displacement in mm.
@@ -615,6 +644,40 @@ mod tests {
         let text = bar.to_text();
         assert!(text.contains("top: free") && !text.contains("left"), "{text}");
         assert_eq!(Scene::from_text(&text).unwrap(), bar);
+    }
+
+    #[test]
+    fn masses_of_bars_count_with_inertia_only() {
+        let of = |mass: &str, effects: &str| {
+            let bars = format!(
+                "right: {{ bar: {{ load: [1 N, 0 N]{mass} }} }}, left: {{ bar: {{ load: [-1 N, 0 N], spring: 1 N/m }} }}, \
+                 top: free, bottom: free"
+            );
+            let bars = bars.replace("[1 N, 0 N]", "[1 N, 0 N], spring: 1 N/m");
+            let text = sides(&format!("{{ {bars} }}")).unwrap().to_text();
+            Scene::from_text(&text.replace("effects: {}", effects)).unwrap()
+        };
+        for (effects, counts) in [
+            ("effects: {}", false),
+            (
+                "effects: { viscoelasticity: { branches: [{ modulus: 1 kPa, time: 1 s }] } }",
+                false,
+            ),
+            ("effects: { inertia: { density: 960 kg/m3 } }", true),
+            ("effects: auto", true),
+        ] {
+            let (light, heavy) = (of("", effects), of(", mass: 20 g", effects));
+            assert_ne!(light.canonical(), heavy.canonical());
+            assert_eq!(light.simulated() != heavy.simulated(), counts, "{effects}");
+            assert_eq!(
+                light.symmetries().count() != heavy.symmetries().count(),
+                counts,
+                "{effects}"
+            );
+            let text = heavy.to_text();
+            assert!(text.contains("mass: 0.02"), "{text}");
+            assert_eq!(Scene::from_text(&text).unwrap(), heavy);
+        }
     }
 
     #[test]

@@ -37,8 +37,8 @@ mod tests;
 mod values;
 
 pub use quantities::{
-    Angle, Charge, Current, Density, ElectricField, Force, Frequency, Length, Resistance, Seed, SpringRate, Stress,
-    Time, Voltage,
+    Angle, Charge, Current, Density, ElectricField, Force, Frequency, Length, Mass, Resistance, Seed, SpringRate,
+    Stress, Time, Voltage,
 };
 
 use super::canonical::Canonical;

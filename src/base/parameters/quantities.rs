@@ -87,6 +87,8 @@ quantities! {
     Frequency: Frequency,
     /// A time, base unit s.
     Time: Time,
+    /// A mass, base unit kg.
+    Mass: Mass,
     /// A density of mass, base unit kg/m3.
     Density: Density,
     /// An electric resistance, base unit Ohm.

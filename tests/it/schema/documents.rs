@@ -152,7 +152,7 @@ version: 1
 name: device
 scene:
   geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, bodies: [{ rectangle: [[20 mm, 20 mm], [30 mm, 30 mm]] }],
-    sides: { right: { bar: { load: [0.1 N, 0 N], at: 1 mm, spring: 2 N/m, moves: [x, y, turn] } },
+    sides: { right: { bar: { load: [0.1 N, 0 N], at: 1 mm, spring: 2 N/m, moves: [x, y, turn], mass: 20 g } },
       left: { bar: { displacement: [0 mm, 0 mm] } }, top: free, bottom: { load: [0 N, 0.1 N] } } }
   material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
   states: { push: { voltages: [5 kV, 0 V] }, pull: { voltages: [0 V, 5 kV] } }
@@ -271,7 +271,7 @@ const GEOMETRIES: [&str; 10] = [
     "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }",
     "{ size: [60 mm, 30 mm], thickness: 1.0 mm, prestretch: [3.0, 4], cells: [120, 60] }",
     "{ size: [60 mm, 30 mm], thickness: 1.0 mm, prestretch: [3.0, 4], cells: [120, 60], sides: { left: held, right: { bar: { load: [0.5 N, 0 N], at: 4 mm, spring: 20 N/m,
-      moves: [x, y, turn] } }, top: free, bottom: { load: [0 N, -0.1 N] } } }",
+      moves: [x, y, turn], mass: 20 g } }, top: free, bottom: { load: [0 N, -0.1 N] } } }",
     "{ size: [60 mm, 30 mm], thickness: 1.0 mm, prestretch: [3.0, 4], cells: [120, 60], sides: { right: { bar: { displacement: [3 mm, 0 mm] } }, top: free, bottom: roller } }",
     "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, frame: { opening: { disc: { centre: [25 mm, 25 mm], radius: 24 mm } }, curves: fitted,
       held: [{ rectangle: [[24 mm, 24 mm], [26 mm, 26 mm]] }, { disc: { centre: [25 mm, 25 mm], radius: 1 mm } },
