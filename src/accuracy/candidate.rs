@@ -216,7 +216,7 @@ impl Candidate {
                 .check_method(scene)
                 .map_err(|why| AccuracyError::from(why).of(self.settings())),
             Self::InTime(how, parameters) => {
-                let checked = check_in_time(*how, parameters.method(), scene, time);
+                let checked = check_in_time(*how, parameters, scene, time);
                 checked.map_err(|why| why.of(self.settings()))
             }
             Self::Network(network) => {
@@ -260,11 +260,17 @@ impl Candidate {
 }
 
 /// Checks whether states at a time can be computed by this method in a scene.
-fn check_in_time(how: InTime, method: Method, scene: &Scene, time: Option<Time>) -> Result<(), AccuracyError> {
+fn check_in_time(
+    how: InTime,
+    parameters: &SolverParameters,
+    scene: &Scene,
+    time: Option<Time>,
+) -> Result<(), AccuracyError> {
     let time = time.ok_or(AccuracyError::NoTime)?;
     let scene = resolve(scene)?;
-    match (how, method) {
+    match (how, parameters.method()) {
         (InTime::ThreeSolves, _) => {
+            parameters.check_method(&scene)?;
             ThreeSolves::new(&scene, time.value())?;
         }
         (InTime::Steps, Method::Newton) => history_check(&scene)?,

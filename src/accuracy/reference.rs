@@ -102,8 +102,8 @@ impl Reference {
         &self.0
     }
 
-    /// Solves patterns on the reference's mesh: the fields, `None` where there is no stable solution, and the errors
-    /// that they may still have in mm.
+    /// Solves patterns on the reference's mesh: the displacements from rest, `None` where there is no stable solution,
+    /// and the errors that they may still have in mm.
     ///
     /// # Errors
     /// When a solver cannot be set up.
@@ -120,7 +120,7 @@ impl Reference {
             progress.advance(batch.len() as u64);
         }
         let estimates: Option<Vec<f64>> = results.iter().map(|result| result.discretisation_error).collect();
-        let fields: Vec<Option<Field>> = results.into_iter().map(|r| r.simulation.field).collect();
+        let fields: Vec<Option<Field>> = results.iter().map(|result| result.simulation.stroke()).collect();
         let errors = match estimates {
             Some(estimates) => estimates,
             None => self.errors(scene, patterns, &fields)?,
@@ -164,7 +164,7 @@ impl Reference {
             None => coarse,
         };
         let coarse = coarse.build(scene)?.simulate(patterns)?;
-        let error = |(coarse, fine): (&AccurateSimulation, &Option<Field>)| match (&coarse.simulation.field, fine) {
+        let error = |(coarse, fine): (&AccurateSimulation, &Option<Field>)| match (coarse.simulation.stroke(), fine) {
             (Some(coarse), Some(fine)) => coarse.max_difference(fine),
             _ => 0.0,
         };

@@ -61,6 +61,16 @@ impl Field {
         }
     }
 
+    /// Returns the sum with a multiple of a field on the same corners.
+    #[must_use]
+    pub fn plus(&self, factor: f64, other: &Self) -> Self {
+        let pairs = self.values.iter().zip(&other.values);
+        Self {
+            raster: self.raster,
+            values: pairs.map(|(own, other)| own + factor * other).collect(),
+        }
+    }
+
     /// Returns the zero field.
     #[must_use]
     pub fn zero(raster: Raster) -> Self {
@@ -141,16 +151,6 @@ impl Field {
             (first + above, (1.0 - s) * t),
             (first + above + 1, s * t),
         ]
-    }
-
-    /// Returns the displacement relative to another of the same raster.
-    #[must_use]
-    pub fn minus(&self, other: &Self) -> Self {
-        let values = self.values.iter().zip(&other.values).map(|(a, b)| a - b);
-        Self {
-            values: values.collect(),
-            ..self.clone()
-        }
     }
 
     /// Returns the largest displacement magnitude of all corners in mm.

@@ -58,7 +58,7 @@ impl Observation {
     #[must_use]
     pub fn displacement_from_rest(&self, field: &Field) -> Field {
         match &self.rest {
-            Some(rest) => field.minus(rest),
+            Some(rest) => field.plus(-1.0, rest),
             None => field.clone(),
         }
     }

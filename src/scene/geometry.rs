@@ -323,7 +323,7 @@ impl Geometry {
     #[must_use]
     pub(super) fn without_masses(&self) -> Self {
         Self {
-            sides: self.sides.clone().map(Sides::without_masses),
+            sides: self.sides.as_ref().map(Sides::without_masses),
             ..self.clone()
         }
     }

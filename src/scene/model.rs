@@ -276,7 +276,7 @@ impl Scene {
         };
         let group = match &self.geometry.sides {
             Some(sides) if self.has_masses() => sides.symmetries(group),
-            Some(sides) => sides.clone().without_masses().symmetries(group),
+            Some(sides) => sides.without_masses().symmetries(group),
             None => group,
         };
         let Some(parts) = self.parts() else {

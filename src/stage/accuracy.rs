@@ -11,7 +11,7 @@ use super::results::most;
 use super::{model, needed, scene, solve};
 use deaflow_accuracy::{Benchmark, Candidate, Network, Reference};
 use deaflow_base::{Canonical, Fields, InputError, Node};
-use deaflow_content::{Accuracy, Solutions};
+use deaflow_content::{Accuracy, Packed, Solutions};
 use deaflow_fem::geometry_revision;
 use deaflow_field::Field;
 use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
@@ -73,9 +73,11 @@ impl Kind for AccuracyKind {
         let scene = stage.scene.map(scene::read).transpose()?;
         let candidates = candidates_of(methods, scene.as_ref())?;
         if let Some(scene) = &scene {
+            let time = checked.settings().time();
             let checked = candidates.iter().try_for_each(|method| match method {
                 Candidate::Elements(_) => method.check_scene(scene, None),
-                _ => Ok(()),
+                Candidate::InTime(..) if !scene.auto && time.is_some() => method.check_scene(scene, time),
+                Candidate::InTime(..) | Candidate::Network(_) => Ok(()),
             });
             checked.map_err(|why| methods.unwrap_or(named).error(why.to_string()))?;
         }
@@ -94,7 +96,10 @@ impl Kind for AccuracyKind {
         let scene = scene.map(scene::read).transpose()?;
         Ok(Box::new(AccuracyStage {
             candidates: candidates_of(map.optional("methods"), scene.as_ref())?,
-            revision: scene.as_ref().map_or(0, geometry_revision),
+            revision: scene.as_ref().map_or(0, |scene| {
+                // Errors are those of displacements from rest.
+                geometry_revision(scene) + u32::from(scene.geometry.sides.is_some())
+            }),
         }))
     }
 }
@@ -179,6 +184,14 @@ fn benchmark(solved: &Artifact) -> Result<Benchmark, StageError> {
     let mut names = rows.family().read()?;
     names.extend(unstable.family().read()?);
     let mut fields: Vec<Option<Field>> = view.displacement().read()?.into_iter().map(Some).collect();
+    // Methods predict displacements from rest.
+    if let Some(Packed(rest)) = view.observations().rest().read()? {
+        let numbers = 2 * scene.membrane().raster.corners();
+        for (field, rest) in fields.iter_mut().flatten().zip(rest.chunks_exact(numbers)) {
+            let rest = Field::from_values(field.raster(), rest.to_vec()).map_err(StageError::failed)?;
+            *field = field.plus(-1.0, &rest);
+        }
+    }
     fields.resize(patterns.len(), None);
     let errors = match reference.settings().accuracy() {
         Some(_) => {

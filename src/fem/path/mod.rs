@@ -336,7 +336,7 @@ impl Follow<'_> {
         let first = trace.states.first().map(|(_, field)| field.clone())?;
         let rest = self.solver.grid.boundary().is_some().then_some(first);
         let moved = |field: &Field| match &rest {
-            Some(rest) => field.minus(rest),
+            Some(rest) => field.plus(-1.0, rest),
             None => field.clone(),
         };
         let watched = moved(&limit_field).most_moved();
