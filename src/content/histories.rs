@@ -23,7 +23,7 @@ arrays! {
         electrode_voltage: Option<Packed<f64>> = array("electrode_voltage", "V", [sample, time]),
         /// Displacement at the cell corners.
         displacement: Packed<Field> = array("displacement", "mm", [sample, time, corner_y, corner_x, xy]),
-        /// Largest displacement magnitude over the corners.
+        /// Largest displacement magnitude over the corners; from `rest` if there is one.
         max_displacement: Packed<f64> = array("max_displacement", "mm", [sample, time]),
         /// Charge on all electrodes.
         charge: Packed<f64> = array("charge", "C", [sample, time]),
@@ -43,6 +43,13 @@ arrays! {
         body_translation: Option<Packed<PerBody<[f64; 2]>>> = array("body_translation", "mm", [sample, time, body, xy]),
         /// Rotation of each rigid body, from -180 to 180, counterclockwise.
         body_rotation: Option<Packed<PerBody<f64>>> = array("body_rotation", "deg", [sample, time, body]),
+        /// Displacement of the middle of each bar, in the order left, right, bottom, top.
+        bar_translation: Option<Packed<PerBody<[f64; 2]>>> = array("bar_translation", "mm", [sample, time, bar, xy]),
+        /// Rotation of each bar, from -180 to 180, counterclockwise.
+        bar_rotation: Option<Packed<PerBody<f64>>> = array("bar_rotation", "deg", [sample, time, bar]),
+        /// If a side is not held, the displacement at the cell corners before the drive, at 0 V with all loads; NaN if
+        /// there is no stable state.
+        rest: Option<Packed<Field>> = array("rest", "mm", [sample, corner_y, corner_x, xy]),
         /// How the simulation ended: `converged`; `pull-in`, `not-elliptic` or `slack` at the start; `delayed-pull-in`
         /// or `delayed-slack` later; `iteration-limit` or `work-limit`.
         outcome: Vec<OutcomeKind> = array("outcome", "", [sample]),

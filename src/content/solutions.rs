@@ -99,6 +99,10 @@ arrays! {
         body_translation: Option<Packed<PerBody<[f64; 2]>>> = array("body_translation", "mm", [sample, time, body, xy]),
         /// Rotation of each rigid body, from -180 to 180, counterclockwise.
         body_rotation: Option<Packed<PerBody<f64>>> = array("body_rotation", "deg", [sample, time, body]),
+        /// Displacement of the middle of each bar, in the order left, right, bottom, top.
+        bar_translation: Option<Packed<PerBody<[f64; 2]>>> = array("bar_translation", "mm", [sample, time, bar, xy]),
+        /// Rotation of each bar, from -180 to 180, counterclockwise.
+        bar_rotation: Option<Packed<PerBody<f64>>> = array("bar_rotation", "deg", [sample, time, bar]),
         /// Estimated largest error of the displacement due to time steps.
         error_in_time: Vec<f64> = array("error_in_time", "mm", [sample]),
     }

@@ -133,6 +133,12 @@ impl Boundary {
         loads
     }
 
+    /// Returns the work of the dead loads along a displacement.
+    #[must_use]
+    pub fn work(&self, u: &[f64]) -> f64 {
+        self.loads.iter().map(|(index, load)| load * u[*index]).sum()
+    }
+
     /// Returns whether the state of rest differs from that of the mount, at a stress.
     #[must_use]
     pub fn is_loaded(&self, stress: &EdgeStress) -> bool {

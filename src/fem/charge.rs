@@ -53,7 +53,7 @@ pub fn conducting<L: Material, F: Fn(f64) -> L>(
     workspace: &mut Workspace,
 ) -> ChargedLoading {
     let mut total = Loading::from(0.0);
-    u.fill(0.0);
+    problem.start(u);
     let system = System { problem, scene };
     if system.at_full_load(u).0 <= 0.0 {
         // Without electrodes there is no charge.
@@ -93,7 +93,7 @@ pub fn conducting<L: Material, F: Fn(f64) -> L>(
             Err(failure) => {
                 match &reached {
                     Some(state) => u.copy_from_slice(&state.u),
-                    None => u.fill(0.0),
+                    None => problem.start(u),
                 }
                 if step <= MIN_STEP || matches!(failure, ChargeFailure::Work) {
                     let stable = reached.as_ref().map_or(0.0, |state| state.share);
@@ -352,7 +352,7 @@ pub fn immobile<L: Material, F: Fn(f64) -> L>(
     let law = (problem.material)(0.0);
     let with = |share: f64| sprayed(problem.activity, scene, share.sqrt() * charge);
     let mut total = Loading::from(0.0);
-    u.fill(0.0);
+    problem.start(u);
     let mut reached = u.to_vec();
     let (mut at, mut step) = (0.0, 1.0_f64);
     while at < 1.0 {

@@ -158,6 +158,16 @@ pub struct Problem<'a, F> {
     pub at_rest: Option<&'a [f64]>,
 }
 
+impl<F> Problem<'_, F> {
+    /// Moves `u` to the state without voltage if it is known, otherwise to the mount.
+    pub(super) fn start(&self, u: &mut [f64]) {
+        match self.at_rest {
+            Some(rest) => u.copy_from_slice(rest),
+            None => u.fill(0.0),
+        }
+    }
+}
+
 impl<L: Material, F: Fn(f64) -> L> Problem<'_, F> {
     /// Moves `u` from rest to the full load, or to the last stable state before it.
     pub fn load(&self, u: &mut [f64], workspace: &mut Workspace) -> Loading {

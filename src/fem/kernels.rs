@@ -258,7 +258,10 @@ impl<'a, L: MaterialPoint> Kernels<'a, L> {
             layout,
             activity: self.activity.view(),
             rest,
-            stress_at_rest: stress_at_rest(|gradient| self.material.stress(gradient, 0.0), rest),
+            stress_at_rest: match P::IS_STRESS || self.activity.grid().boundary().is_some() {
+                true => stress_at_rest(|gradient| self.material.stress(gradient, 0.0), rest),
+                false => [0.0; 2],
+            },
             inputs,
             moduli,
             lines: vec![T::default(); 2 * N * (WIDEST + layout.part())],
@@ -290,7 +293,8 @@ struct Sweep<'a, E, T, P, const N: usize, const M: usize, const SHAPE: u8> {
     /// f at rest.
     rest: [f64; 2],
     /// Stress of the bare membrane at rest, along x and y. It is uniform and gives no forces; without subtracting it,
-    /// small loads are lost in its rounding.
+    /// small loads are lost in its rounding. On sides that are not held, the padding of rows would have forces with it.
+    /// Mean stresses of steps keep it where all sides are held.
     stress_at_rest: [f64; 2],
     inputs: [&'a [T]; M],
     /// Moduli of the points as written by [`Store`], if used.
@@ -386,7 +390,7 @@ impl<E: Element<N>, T: Precision, P: Point<M>, const N: usize, const M: usize, c
                     }
                     let active = self.activity.at(simd, [first, row], q);
                     let mut stress = self.point.stress(at_point, active, moduli);
-                    if SHAPE != PLAIN && P::IS_STRESS {
+                    if SHAPE != PLAIN && P::FROM_REST {
                         let [along, across] = self.stress_at_rest;
                         stress[0][0] = stress[0][0] + zero.constant(-along);
                         stress[1][1] = stress[1][1] + zero.constant(-across);

@@ -12,7 +12,7 @@ use super::solver::{MembraneSolver, MeshSolution};
 impl MembraneSolver {
     /// Returns the force in N of each side, in the order of `Edge`, on the membrane in a solution of this pattern: its
     /// components along x and y, 0 where the side does not hold them. A bar holds both. The force at a corner that
-    /// two sides hold counts half for each. `None` if all sides are held.
+    /// two sides hold counts half for each. `None` if all sides are held, or with branches that have no time to relax.
     #[must_use]
     pub fn reactions(&self, pattern: &Pattern, solution: &MeshSolution) -> Option<[[f64; 2]; SIDES]> {
         let forces = SideForces::new(self, pattern)?;
@@ -39,12 +39,12 @@ pub(super) struct SideForces<'a> {
 }
 
 impl<'a> SideForces<'a> {
-    /// Prepares them; `None` if all sides are held.
+    /// Prepares them; `None` if all sides are held, or with branches that have no time to relax.
     pub fn new(solver: &'a MembraneSolver, pattern: &Pattern) -> Option<Self> {
         let grid = &solver.grid;
         Some(Self {
             solver,
-            sides: grid.sheet_sides()?,
+            sides: grid.sheet_sides().filter(|_| !solver.model.has_unrelaxed())?,
             activity: solver.model.activity(&grid.opened(), pattern),
             loads: grid.boundary()?.loads(grid.layout().vector_len()),
         })

@@ -1,5 +1,6 @@
 //! The finite-element solver of a scene on one mesh, for any number of patterns.
 
+use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
@@ -271,7 +272,7 @@ impl MembraneSolver {
             scratch.displacement.copy_from_slice(&solution.displacement);
             let found = self.model.with(SolveNear {
                 solver: self,
-                activity: &self.model.activity(&self.grid, pattern),
+                activity: &self.activity(pattern),
                 scratch,
             });
             found.then(|| self.grid.sample(&scratch.displacement))
@@ -290,7 +291,7 @@ impl MembraneSolver {
             return None;
         }
         self.model.with(adjoint::InMm {
-            activity: &self.model.activity(&self.grid, pattern),
+            activity: &self.activity(pattern),
             laplacian: &self.laplacian,
             u: &solution.displacement,
             weights,
@@ -338,7 +339,7 @@ impl MembraneSolver {
         let ChargedLoading { loading, charged } = self.model.with(Load {
             solver: self,
             tolerance,
-            activity: &self.model.activity(&self.grid, pattern),
+            activity: &self.activity(pattern),
             scratch,
         });
         let solution = MeshSolution {
@@ -352,6 +353,19 @@ impl MembraneSolver {
             charged,
         };
         (solution, loading.pointwise)
+    }
+
+    /// Returns the activity of a pattern, with branches that have no time to relax from the state without voltage.
+    fn activity(&self, pattern: &Pattern) -> Activity {
+        let activity = self.model.activity(&self.grid, pattern);
+        if !self.model.has_unrelaxed() {
+            return activity;
+        }
+        match self.released(&activity) {
+            Ok(Some(rest)) => self.model.add_unrelaxed_at(activity, &rest),
+            // Branches are relaxed at the mount, or there is no equilibrium.
+            Ok(None) | Err(_) => activity,
+        }
     }
 
     /// Returns the equilibrium problem of an activity, for load stepping and paths.
@@ -392,14 +406,32 @@ impl MembraneSolver {
     }
 
     fn find_rest(&self, pattern: &Pattern) -> Option<Vec<f64>> {
-        let activity = self.model.activity(&self.grid, pattern);
+        self.release(&self.model.activity(&self.grid, pattern)).ok()
+    }
+
+    /// Returns the state without voltage of an activity.
+    fn release(&self, activity: &Activity) -> Result<Vec<f64>, LoadingEnd> {
         let mut scratch = self.scratch(self.limit);
-        let found = self.model.with(Rest {
+        self.model.with(Rest {
             solver: self,
-            activity: &activity,
+            activity,
             scratch: &mut scratch,
-        });
-        found.then_some(scratch.displacement)
+        })?;
+        Ok(scratch.displacement)
+    }
+
+    /// Returns the state without voltage of an activity; `None` if all sides are held, where it is the mount.
+    ///
+    /// # Errors
+    /// If it is not stable.
+    pub(super) fn released(&self, activity: &Activity) -> Result<Option<Cow<'_, [f64]>>, LoadingEnd> {
+        if self.grid.boundary().is_none() {
+            return Ok(None);
+        }
+        match self.common_rest() {
+            Some(rest) => Ok(Some(Cow::Borrowed(rest))),
+            None => self.release(activity).map(|rest| Some(Cow::Owned(rest))),
+        }
     }
 
     /// Converts the end of a loading to an outcome in volts.
@@ -497,7 +529,7 @@ impl WithMaterial for Load<'_> {
     }
 }
 
-/// Finds the state without voltage; returns whether there is one.
+/// Finds the state without voltage.
 struct Rest<'a> {
     solver: &'a MembraneSolver,
     activity: &'a Activity,
@@ -505,9 +537,9 @@ struct Rest<'a> {
 }
 
 impl WithMaterial for Rest<'_> {
-    type Output = bool;
+    type Output = Result<(), LoadingEnd>;
 
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> bool {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
         let problem = Problem {
             activity: self.activity,
             laplacian: &self.solver.laplacian,
@@ -519,7 +551,7 @@ impl WithMaterial for Rest<'_> {
             displacement: u,
             workspace,
         } = self.scratch;
-        problem.rest(u, workspace).is_ok()
+        problem.rest(u, workspace).map_err(|loading| loading.ending)
     }
 }
 

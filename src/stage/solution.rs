@@ -1,7 +1,7 @@
 //! The artifact of a solve stage.
 
 use deaflow_content::{Meshes, Observations, Packed, SampleRows, Solutions, SolvedHistories, Unstable};
-use deaflow_fem::{AccurateHistory, AccurateSimulation, GeometryError, History, Solver};
+use deaflow_fem::{AccurateHistory, AccurateSimulation, GeometryError, History, Instant, Solver};
 use deaflow_field::{Field, Motion, OutcomeKind};
 use deaflow_scene::{Effects, Scene};
 
@@ -48,7 +48,12 @@ pub fn in_time(solved: Solutions, histories: &[AccurateHistory]) -> Solutions {
         .map(|found| &found.history)
         .partition(|history| history.outcome.is_converged());
     Solutions {
-        history: Some(solved_histories(&stable)),
+        history: Some(solved_histories(&stable, Datum::Mount)),
+        // The forces of sides are those of equilibria.
+        observations: Observations {
+            reaction: None,
+            ..solved.observations
+        },
         unstable: Unstable {
             time_bracket: Some(
                 unstable
@@ -62,23 +67,39 @@ pub fn in_time(solved: Solutions, histories: &[AccurateHistory]) -> Solutions {
     }
 }
 
+/// The state from which displacements count, where sides are not held.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Datum {
+    /// The mount.
+    Mount,
+    /// Rest.
+    Rest,
+}
+
 /// Returns the histories of patterns that have a field at all times.
-pub fn solved_histories(stable: &[&History]) -> SolvedHistories {
+pub fn solved_histories(stable: &[&History], datum: Datum) -> SolvedHistories {
     let instants = || stable.iter().flat_map(|history| history.asked());
-    let fields = stable.iter().flat_map(|history| &history.fields);
-    let motions: Option<Vec<Vec<Motion>>> = instants().map(|instant| instant.bodies.clone()).collect();
-    let motions = motions.filter(|all| !all.is_empty()).map(|all| all.concat());
+    let values = |fields: &[Field]| fields.iter().flat_map(Field::values).copied().collect::<Vec<f64>>();
+    let displacement = stable.iter().flat_map(|history| match datum {
+        Datum::Mount => values(&history.fields),
+        Datum::Rest => values(&history.strokes()),
+    });
+    let motions = |of: fn(&Instant) -> &Option<Vec<Motion>>| {
+        let each: Option<Vec<Vec<Motion>>> = instants().map(|instant| of(instant).clone()).collect();
+        each.filter(|all| !all.is_empty()).map(|all| all.concat())
+    };
+    let [bodies, bars] = [motions(|instant| &instant.bodies), motions(|instant| &instant.bars)];
+    let translations = |motions: &Vec<Motion>| Packed(motions.iter().flat_map(|motion| motion.translation).collect());
+    let rotations = |motions: &Vec<Motion>| Packed(motions.iter().map(|motion| motion.rotation).collect());
     let errors = stable.iter().map(|history| history.time_error_mm);
     SolvedHistories {
         time: Packed(instants().map(|instant| instant.time).collect()),
-        displacement: Packed(fields.flat_map(|field| field.values()).copied().collect()),
+        displacement: Packed(displacement.collect()),
         charge: Packed(instants().map(|instant| instant.charge).collect()),
-        body_translation: motions
-            .as_ref()
-            .map(|all| Packed(all.iter().flat_map(|motion| motion.translation).collect())),
-        body_rotation: motions
-            .as_ref()
-            .map(|all| Packed(all.iter().map(|motion| motion.rotation).collect())),
+        body_translation: bodies.as_ref().map(translations),
+        body_rotation: bodies.as_ref().map(rotations),
+        bar_translation: bars.as_ref().map(translations),
+        bar_rotation: bars.as_ref().map(rotations),
         error_in_time: errors.map(Option::unwrap_or_default).collect(),
     }
 }

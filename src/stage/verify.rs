@@ -357,7 +357,7 @@ impl VerifyStage {
             states: in_states.then(|| SimulatedStates {
                 displacement: displacement(),
             }),
-            history: follows_time.then(|| solution::solved_histories(&histories)),
+            history: follows_time.then(|| solution::solved_histories(&histories, solution::Datum::Rest)),
             component: Components {
                 predicted: (0..rows.len())
                     .filter_map(|row| Some(goals[row].goal.value_mm(prediction(row)?)))

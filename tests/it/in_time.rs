@@ -148,6 +148,105 @@ fn a_history_of_bodies_has_their_motion_at_each_time() {
     assert!(along > 0.0, "{along}");
 }
 
+/// A strip with a weight on a bar, with branches.
+const STRIP: &str = "
+geometry: { size: [40 mm, 20 mm], thickness: 1 mm, prestretch: 2, cells: [8, 4], sides: { right: { bar: { load: [0.3 N, 0 N] } }, top: free, bottom: free } }
+material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+drive: { voltage: 6 kV }
+effects: { viscoelasticity: { branches: [{ modulus: 45 kPa, time: 1 s }] } }
+properties: { density: 960 kg/m3 }
+";
+
+const LIFT: &str = "
+version: 1
+name: lift
+scene: strip.yaml
+stages:
+  blocks: { kind: sample, family: large-grid, units: [4], count_per_units: 3, seed: 1 }
+  crept: { kind: solve, needs: [blocks], elements_per_cell: 1, history: { at: [0.1 s, 10 s] } }
+  still: { kind: solve, needs: [blocks], elements_per_cell: 1 }
+  searched: { kind: design, method: adjoint, objective: { bar: right, direction: 0 deg, time: 1 s }, area: 0.5, starts: 1, seed: 1 }
+  verified: { kind: verify, needs: [searched], elements_per_cell: 1, history: { at: [1 s] } }
+";
+
+#[test]
+fn a_history_of_free_sides_counts_from_the_released_state() {
+    let workspace = Workspace::new();
+    workspace.write("strip.yaml", STRIP);
+    workspace.write("middle.csv", &["0,1,1,1,1,1,1,0"; 4].join("\n"));
+    let ended = workspace.run(&[
+        "solve",
+        "strip.yaml",
+        "middle.csv",
+        "-o",
+        "out.h5",
+        "--history",
+        "--at",
+        "0 s, 1 s, 20 s",
+        "--json",
+    ]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let document = ended.json();
+    let along = document["histories"][0]["bars"]["right"]["from_rest_mm"][0]
+        .as_f64()
+        .unwrap();
+    let file = hdf5::File::open(workspace.path("out.h5")).unwrap();
+    let read = |name: &str| file.dataset(name).unwrap().read_raw::<f64>().unwrap();
+    assert_eq!(file.dataset("bar_translation").unwrap().shape(), [1, 3, 1, 2]);
+    assert_eq!(file.dataset("rest").unwrap().shape(), [1, 5, 9, 2]);
+    let (bars, rest, largest) = (read("bar_translation"), read("rest"), read("max_displacement"));
+    // The middle of the bar is the corner (8, 2).
+    let at_rest = rest[2 * (2 * 9 + 8)];
+    let strokes = [0, 1, 2].map(|k| bars[2 * k] - at_rest);
+    assert!(
+        0.0 < strokes[0] && strokes[0] < strokes[1] && strokes[1] < strokes[2],
+        "{strokes:?}"
+    );
+    assert!(
+        at_rest < -10.0 && (strokes[2] - along).abs() < 1e-9,
+        "{at_rest} {along}"
+    );
+    assert!(largest.iter().all(|largest| *largest < 2.0), "{largest:?}");
+
+    workspace.write("lift.yaml", LIFT);
+    let ran = workspace.run(&["run", "lift.yaml", "--json"]);
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    let plan = |set: &str| {
+        let document = workspace.run(&["plan", "lift.yaml", "--json", "--set", set]).json();
+        let stages = document["stages"].as_array().unwrap().clone();
+        let stale = stages.iter().filter(|stage| stage["outcome"] == "stale");
+        stale
+            .map(|stage| stage["name"].as_str().unwrap().to_owned())
+            .collect::<Vec<_>>()
+    };
+    // A mass is in no key without inertia.
+    assert_eq!(plan("scene.geometry.sides.right.bar.mass=20 g"), Vec::<String>::new());
+    let refused = workspace.run(&["plan", "lift.yaml", "--set", "scene.drive.rest=1 min"]);
+    assert_eq!(refused.code, Some(2), "{}", refused.stderr);
+    assert!(refused.stderr.contains("`rest`"), "{}", refused.stderr);
+    let moving = STRIP.replace("load: [0.3 N, 0 N]", "load: [0.3 N, 0 N], mass: 10 g");
+    let moving = moving.replace("effects: {", "effects: { inertia: {},");
+    workspace.write("strip.yaml", &moving);
+    let swung = workspace.run(&[
+        "solve",
+        "strip.yaml",
+        "middle.csv",
+        "-o",
+        "swing.h5",
+        "--history",
+        "--at",
+        "5 ms",
+    ]);
+    assert_eq!(swung.code, Some(0), "{}", swung.stderr);
+    assert!(
+        swung
+            .stdout
+            .contains("pattern 0 at 0.005 s: the bar on the right side moves by"),
+        "{}",
+        swung.stdout
+    );
+}
+
 #[test]
 fn options_that_a_history_lacks_or_excludes_are_refused() {
     let workspace = workspace("voltage: 5 kV");

@@ -6,7 +6,8 @@ use serde_json::{Value, json};
 use super::SolveArguments;
 use super::simulation::{Form, PatternSolver, Simulation, States};
 use crate::arguments::quantity;
-use crate::job::{Attachments, JobResult};
+use crate::job::{Attachments, JobResult, extend};
+use crate::side_results::SideResults;
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
 use deaflow_base::{Dimension, Time, error_digits, four_digits, rounded_by};
@@ -165,12 +166,12 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     })?;
     let missed = missed(&followed, parameters.accuracy().map(|accuracy| accuracy.value()));
     let mut text = Text::of(overview(&followed));
-    for (_, line) in &missed {
+    for line in sides(&followed).iter().chain(missed.iter().map(|(_, line)| line)) {
         text.line(line);
     }
     let is_unstable = |one: &&PatternHistory| !one.history.outcome.is_converged();
     let unstable = followed.iter().filter(is_unstable).count();
-    let (motions, is_step) = (motions(&followed), is_step(&screened.scene));
+    let (curves, is_step) = (curves(&followed), is_step(&screened.scene));
     let result = JobResult {
         patterns: followed.len(),
         arrays: histories(&simulation, &screened, &times, &followed, displacement).object(),
@@ -178,7 +179,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
         attachments: Some(Attachments {
             title: "deaflow solve --history",
             table: steps_table(&followed)?,
-            draw: Box::new(move |figure| histories_sheet(&motions, is_step)?.write_png(figure)),
+            draw: Box::new(move |figure| histories_sheet(&curves, is_step)?.write_png(figure)),
         }),
         document: json!({
             "times": times,
@@ -198,20 +199,24 @@ struct PatternHistory {
     history: History,
     mesh: Mesh,
     space_error_mm: Option<f64>,
-    /// The largest displacement magnitude in mm at the output times that were reached.
+    /// The largest displacement magnitude from rest in mm at the output times that were reached.
     largest: Vec<f64>,
+    /// What the sides do at the end, if not all are held.
+    sides: Option<SideResults>,
     /// Computing time, s.
     seconds: f64,
 }
 
 impl PatternHistory {
     /// Moves the fields of a history to the end of `displacement`, filled up with NaN to so many `numbers`.
-    fn new(found: AccurateHistory, seconds: f64, numbers: usize, displacement: &mut Vec<f64>) -> Self {
+    fn new(found: AccurateHistory, seconds: f64, scene: &Scene, numbers: usize, displacement: &mut Vec<f64>) -> Self {
         let AccurateHistory {
             mut history,
             mesh,
             space_error_mm,
         } = found;
+        let sides = SideResults::of(scene, &history.last_state());
+        let largest = history.strokes().iter().map(Field::max_magnitude).collect();
         let fields = std::mem::take(&mut history.fields);
         let end = displacement.len() + numbers;
         for field in &fields {
@@ -222,7 +227,8 @@ impl PatternHistory {
             history,
             mesh,
             space_error_mm,
-            largest: fields.iter().map(Field::max_magnitude).collect(),
+            largest,
+            sides,
             seconds,
         }
     }
@@ -246,7 +252,13 @@ fn follow(
     })?;
     let mut followed = Vec::with_capacity(patterns);
     simulation.run(history, |found, seconds| {
-        followed.push(PatternHistory::new(found, seconds, numbers, &mut displacement));
+        followed.push(PatternHistory::new(
+            found,
+            seconds,
+            &simulation.scene,
+            numbers,
+            &mut displacement,
+        ));
     })?;
     Ok((followed, displacement))
 }
@@ -279,7 +291,11 @@ fn histories(
         followed.iter().map(of).collect()
     };
     let bodies = scene.geometry.bodies.as_ref().map_or(0, Vec::len);
-    let motions = body_motions(followed, times.len() * bodies);
+    let bars = scene.geometry.sides.as_ref().map_or(0, |sides| sides.bars().count());
+    let body_motions = motions(followed, times.len() * bodies, |instant| instant.bodies.as_ref());
+    let bar_motions = motions(followed, times.len() * bars, |instant| instant.bars.as_ref());
+    let translations = |motions: &[Motion]| Packed(motions.iter().flat_map(|motion| motion.translation).collect());
+    let rotations = |motions: &[Motion]| Packed(motions.iter().map(|motion| motion.rotation).collect());
     let with_accuracy = simulation.arguments.accuracy.is_some();
     let has_electrode_voltage =
         scene.drive.source.is_some() || scene.drive.charge.is_some() || scene.effects.electrode_resistance.is_some();
@@ -315,8 +331,11 @@ fn histories(
             .map(|one| one.history.watched.map(|corner| corner as u64))
             .collect(),
         error_in_time: each(&|one| one.history.time_error_mm.unwrap_or(f64::NAN)),
-        body_translation: (bodies > 0).then(|| Packed(motions.iter().flat_map(|motion| motion.translation).collect())),
-        body_rotation: (bodies > 0).then(|| Packed(motions.iter().map(|motion| motion.rotation).collect())),
+        body_translation: (bodies > 0).then(|| translations(&body_motions)),
+        body_rotation: (bodies > 0).then(|| rotations(&body_motions)),
+        bar_translation: (bars > 0).then(|| translations(&bar_motions)),
+        bar_rotation: (bars > 0).then(|| rotations(&bar_motions)),
+        rest: scene.geometry.sides.is_some().then(|| Packed(at_rest(scene, followed))),
         error_in_space: with_accuracy.then(|| each(&|one| one.space_error_mm.unwrap_or(f64::NAN))),
         elements_per_cell: with_accuracy.then(|| count(&|one| one.mesh.elements_per_cell())),
         order: with_accuracy.then(|| count(&|one| one.mesh.order().degree())),
@@ -330,8 +349,22 @@ fn histories(
     }
 }
 
-/// The motions of the bodies of all patterns, filled up with NaN to so many for each pattern.
-fn body_motions(followed: &[PatternHistory], count: usize) -> Vec<Motion> {
+/// The displacements before the drive of all patterns, NaN where there is no stable state.
+fn at_rest(scene: &Scene, followed: &[PatternHistory]) -> Vec<f64> {
+    let numbers = 2 * scene.membrane().raster.corners();
+    let of = |one: &PatternHistory| match &one.history.rest {
+        Some(rest) => rest.values().to_vec(),
+        None => vec![f64::NAN; numbers],
+    };
+    followed.iter().flat_map(of).collect()
+}
+
+/// The motions of the bodies or bars of all patterns, filled up with NaN to so many for each pattern.
+fn motions(
+    followed: &[PatternHistory],
+    count: usize,
+    of_instant: impl Fn(&Instant) -> Option<&Vec<Motion>>,
+) -> Vec<Motion> {
     let missing = || Motion {
         translation: [f64::NAN; 2],
         rotation: f64::NAN,
@@ -339,7 +372,7 @@ fn body_motions(followed: &[PatternHistory], count: usize) -> Vec<Motion> {
     let of = |PatternHistory { history, .. }: &PatternHistory| {
         let known = history
             .asked()
-            .flat_map(|instant| instant.bodies.clone().unwrap_or_default());
+            .flat_map(|instant| of_instant(instant).cloned().unwrap_or_default());
         known
             .chain(std::iter::repeat_with(missing))
             .take(count)
@@ -396,7 +429,7 @@ fn steps_table(followed: &[PatternHistory]) -> Result<String, CliError> {
     csv::text(&header.map(str::to_owned), rows)
 }
 
-fn motions(followed: &[PatternHistory]) -> Vec<figures::Motion> {
+fn curves(followed: &[PatternHistory]) -> Vec<figures::Motion> {
     let motion = |(index, PatternHistory { history, .. }): (usize, &PatternHistory)| figures::Motion {
         name: format!("pattern {index}"),
         time: history.instants.iter().map(|instant| instant.time).collect(),
@@ -478,6 +511,18 @@ fn known_error_mm(time: Option<f64>, space: Option<f64>) -> Option<f64> {
     }
 }
 
+/// Describes what sides that are not held do at the end.
+fn sides(followed: &[PatternHistory]) -> Vec<String> {
+    let of = |(index, one): (usize, &PatternHistory)| {
+        let time = one.history.asked().last().map_or(0.0, |instant| rounded(instant.time));
+        let lines = one.sides.iter().flat_map(SideResults::lines);
+        lines
+            .map(|line| format!("pattern {index} at {time} s: {line}"))
+            .collect::<Vec<_>>()
+    };
+    followed.iter().enumerate().flat_map(of).collect()
+}
+
 /// Describes the patterns whose errors are larger than requested.
 fn missed(followed: &[PatternHistory], accuracy_mm: Option<f64>) -> Vec<(usize, String)> {
     let Some(accuracy) = accuracy_mm else {
@@ -523,7 +568,7 @@ fn rounded(time: f64) -> f64 {
 
 fn document((index, found): (usize, &PatternHistory)) -> Value {
     let history = &found.history;
-    json!({
+    let mut own = json!({
         "index": index,
         "outcome": history.outcome.name(),
         "time_bracket": history.outcome.time_bracket(),
@@ -537,7 +582,11 @@ fn document((index, found): (usize, &PatternHistory)) -> Value {
         "order": found.mesh.order().degree(),
         "steps": history.instants.len(),
         "newton_iterations": history.newton_steps,
-    })
+    });
+    if let Some(sides) = &found.sides {
+        extend(&mut own, sides.document());
+    }
+    own
 }
 
 #[cfg(test)]

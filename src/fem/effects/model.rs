@@ -112,7 +112,7 @@ impl Model {
         }
     }
 
-    /// Adds viscoelastic branches of a modulus γ, in units of μλp², that are relaxed at the prestretch and have no time
+    /// Adds viscoelastic branches of a modulus γ, in units of μλp², that are relaxed without voltage and have no time
     /// to relax from there.
     #[must_use]
     pub fn with_unrelaxed(self, gamma: f64) -> Self {
@@ -146,7 +146,8 @@ impl Model {
     pub fn law_includes_unrelaxed(&self) -> bool {
         let [along, across] = self.sheet.prestretch;
         let is_plain = self.stiffening.is_none() && self.is_base_law() && along == across;
-        is_plain && self.sheet.mounts.is_empty() && !self.has_charge
+        let is_held = self.sheet.sides.is_none();
+        is_plain && is_held && self.sheet.mounts.is_empty() && !self.has_charge
     }
 
     fn with_elasticity<M: Elasticity, W: WithMaterial>(&self, elasticity: M, work: W) -> W::Output {
@@ -207,16 +208,31 @@ impl Model {
         })
     }
 
-    /// Adds the branches that have no time to relax to an activity.
+    /// Adds the branches that have no time to relax to an activity, if all sides are held.
     #[must_use]
     pub fn add_unrelaxed(&self, activity: Activity) -> Activity {
-        if self.gamma == 0.0 || self.law_includes_unrelaxed() {
+        if !self.has_unrelaxed() || self.sheet.sides.is_some() || self.law_includes_unrelaxed() {
             return activity;
         }
-        let layout = activity.grid().layout();
-        let at_rest = metrics(&activity, &vec![0.0; layout.vector_len()]);
-        let values: Vec<f64> = at_rest.iter().map(|value| self.gamma * value).collect();
-        activity.with_memory(Memory::new(layout, &values))
+        let mount = vec![0.0; activity.grid().layout().vector_len()];
+        self.add_unrelaxed_at(activity, &mount)
+    }
+
+    /// Adds the branches that have no time to relax from a state to an activity.
+    #[must_use]
+    pub fn add_unrelaxed_at(&self, activity: Activity, rest: &[f64]) -> Activity {
+        let values: Vec<f64> = metrics(&activity, rest)
+            .iter()
+            .map(|value| self.gamma * value)
+            .collect();
+        let memory = Memory::new(activity.grid().layout(), &values);
+        activity.with_memory(memory)
+    }
+
+    /// Returns whether there are branches that have no time to relax.
+    #[must_use]
+    pub fn has_unrelaxed(&self) -> bool {
+        self.gamma != 0.0
     }
 
     /// Returns the share of the load of each electrode group.

@@ -179,7 +179,7 @@ impl SolverParameters {
 
     /// Returns the revision to add to the RECIPE of a kind. Three passes are extrapolated in histories, where once the
     /// last of four was taken; errors of motions are those over all times, and steps may contain rows of a table, whose
-    /// noise is averaged over steps;
+    /// noise is averaged over steps; histories of membranes with sides that are not held count displacements from rest;
     /// energies of stiffening membranes, which only histories report, contain logarithms; the
     /// error of an accurate equilibrium comes from a solution with a loose tolerance on the finer mesh; [`revision_of`]
     /// covers the scene. Errors contain those of geometry.
@@ -193,8 +193,9 @@ impl SolverParameters {
         let has_table = waveform.is_some_and(|waveform| waveform.table.is_some());
         let has_noise = waveform.is_some_and(|waveform| waveform.noise().is_some());
         let of_drive = 8 * u32::from(moves || has_table) + 16 * u32::from(has_noise);
+        let of_sides = 32 * u32::from(scene.geometry.sides.is_some());
         u32::from(has_loose_errors)
-            + in_time * (1 + 2 * u32::from(has_logarithms) + of_drive)
+            + in_time * (1 + 2 * u32::from(has_logarithms) + of_drive + of_sides)
             + self.accuracy().map_or(0, |_| geometry_revision(scene))
             + revision_on(scene, self.nodes_per_cell())
     }
@@ -516,11 +517,13 @@ fn revision_on(scene: &Scene, nodes_per_cell: usize) -> u32 {
         true => 4,
         false => 2 * u32::from(scene.effects.fringe_field.is_some()),
     };
+    // Branches are relaxed in the released state, where once they were at the mount.
+    let has_released_branches = scene.geometry.sides.is_some() && scene.effects.viscoelasticity.is_some();
     let sides = scene.membrane().raster.sides();
     let has_other_solver = is_large_or_long(sides)
         || may_be_large(sides.map(|cells| cells * nodes_per_cell))
         || is_clustered(edges_of_frames_and_bodies(scene) * nodes_per_cell);
-    of_effects + 8 * u32::from(has_other_solver)
+    of_effects + 8 * u32::from(has_other_solver) + 16 * u32::from(has_released_branches)
 }
 
 /// Returns whether vectors with so many nodes along the sides may be so long, with their padding, that more iterations

@@ -14,7 +14,7 @@ use crate::response::{Estimator, LinearResponse};
 use crate::screening::resolve;
 use crate::solver::{MembraneSolver, SolveOptions};
 use crate::time::{AccurateHistory, HistorySolver};
-use deaflow_field::{Evaluator, Field, Mesh, Observation, PredictError, Predictor, Simulation, Simulator};
+use deaflow_field::{Evaluator, Field, Mesh, PredictError, Predictor, Simulation, Simulator};
 use deaflow_pattern::{Pattern, PatternForm};
 use deaflow_scene::{Effects, Leads, Scene, Unreached};
 
@@ -257,23 +257,8 @@ pub type CellStates = Vec<Option<Vec<CellState>>>;
 
 /// Returns the state at the end of a history.
 pub(crate) fn last_state(found: &AccurateHistory) -> AccurateSimulation {
-    let history = &found.history;
-    let field = history.fields.last().filter(|_| history.outcome.is_converged());
-    let observation = match (field, history.asked().last()) {
-        (Some(_), Some(last)) => Observation {
-            bodies: last.bodies.clone(),
-            ..Observation::default()
-        },
-        _ => Observation::default(),
-    };
     AccurateSimulation {
-        simulation: Simulation {
-            outcome: history.outcome,
-            field: field.cloned(),
-            newton_iterations: history.newton_steps,
-            residual: history.residual,
-            observation,
-        },
+        simulation: found.history.last_state(),
         mesh: found.mesh,
         discretisation_error: found.space_error_mm,
         geometry_error: None,

@@ -11,9 +11,10 @@ use crate::memory::{self, MODULI_WITH_MEMORY};
 pub(super) trait Point<const M: usize>: Copy {
     /// Whether a separate kernel with AVX-512 is compiled.
     const WIDEST: bool = false;
-    /// Whether this is the stress of a material at the first field: then [`Point::admissible`] is evaluated, and the
-    /// stress at rest is subtracted.
+    /// Whether this is the stress of a material at the first field: then [`Point::admissible`] is evaluated.
     const IS_STRESS: bool = false;
+    /// Whether the stress at rest of a material is subtracted.
+    const FROM_REST: bool = Self::IS_STRESS;
     /// Returns a number that must be positive at the gradient of the first field.
     #[inline(always)]
     fn admissible<V: Value>(self, gradient: Tensor<V>) -> V {
@@ -202,6 +203,7 @@ impl Point<1> for MemoryStress {
 }
 
 impl<L: MaterialPoint> Point<2> for StressBetween<'_, L> {
+    const FROM_REST: bool = true;
     #[inline(always)]
     fn stress<V: Value>(
         self,

@@ -1,23 +1,39 @@
-//! Energies of rigid bodies, and the periods of their springs.
+//! Energies of rigid bodies, bars and loaded sides, and the periods of springs.
 
 use std::f64::consts::TAU;
 
 use crate::grid::Grid;
 use crate::mass::Mass;
+use crate::sheet::SheetSides;
+use crate::stored::Units;
 use crate::supports::Pose;
-use deaflow_scene::Scene;
 
-/// Returns the energy of the springs of bodies, and the work of their loads since rest, in J.
+/// Returns the energy of the springs of bodies and bars, and the work of the loads on them and on sides since the
+/// mount, in J.
 #[must_use]
-pub fn energies(scene: &Scene, grid: &Grid, u: &[f64]) -> [f64; 2] {
-    let motions = grid.motions(u).unwrap_or_default();
-    let bodies = scene.geometry.bodies.iter().flatten().zip(motions);
-    let each = bodies.map(|(body, motion)| {
-        let [x, y] = motion.translation.map(|mm| 1e-3 * mm);
-        let [along, across] = body.load_n();
-        [0.5 * body.spring_n_per_m() * (x * x + y * y), along * x + across * y]
-    });
-    each.fold([0.0; 2], |sum, energies| [sum[0] + energies[0], sum[1] + energies[1]])
+pub fn energies(units: Units, grid: &Grid, u: &[f64]) -> [f64; 2] {
+    let (mut springs, mut work) = (0.0, grid.boundary().map_or(0.0, |boundary| boundary.work(u)));
+    if let Some(supports) = grid.supports() {
+        for (body, pose) in supports.bodies().iter().zip(grid.poses(u)) {
+            let (mount, arm) = (body.mount, pose.turned(body.mount.arm));
+            let unloaded = mount.energy(pose.translation, arm, 0.0);
+            springs += unloaded;
+            work += unloaded - mount.energy(pose.translation, arm, 1.0);
+        }
+    }
+    [units.energy * springs, units.energy * work]
+}
+
+/// Returns a factor by which the heaviest bar makes the period of the first mode longer, as a mass on a spring does.
+#[must_use]
+pub fn slowed_by_bars(grid: &Grid) -> f64 {
+    let bars = grid.sheet_sides().into_iter().flat_map(SheetSides::bars);
+    let heaviest = bars.map(|(_, bar)| bar.mass).fold(0.0, f64::max);
+    let area: f64 = grid
+        .each_element()
+        .map(|element| grid.sides(element).iter().product::<f64>())
+        .sum();
+    (1.0 + heaviest / area).sqrt()
 }
 
 /// Returns the shortest period of a body on its spring, in the unit of time in which the mass per area is 1; `None`

@@ -39,8 +39,8 @@ impl ThreeSolves {
     /// Computes the weights for a time in s since the voltage was applied.
     ///
     /// # Errors
-    /// When the voltage does not rise at once, the prestretch has not relaxed, or the scene has inertia or the finite
-    /// viscous law.
+    /// When the voltage does not rise at once, the prestretch has not relaxed, or the scene has inertia, the finite
+    /// viscous law, or stiff electrodes and sides that are not held.
     pub fn new(scene: &Scene, time_s: f64) -> Result<Self, SetupError> {
         let refused = |why: &'static str| Err(SetupError::ThreeSolves { why });
         if scene.drive.charge.is_some() {
@@ -60,6 +60,9 @@ impl ThreeSolves {
         }
         if scene.effects.inertia.is_some() {
             return refused("the scene has `inertia`");
+        }
+        if scene.geometry.sides.is_some() && scene.effects.electrode_stiffness.is_some() {
+            return refused("the scene has `electrode_stiffness`, and not all `sides` are held");
         }
         let Some(effect) = &scene.effects.viscoelasticity else {
             return refused("the scene has no `viscoelasticity`");

@@ -118,12 +118,13 @@ fn instants(coarse: &[Instant], fine: &[Instant]) -> Option<Vec<Instant>> {
 /// All numbers of an instant without the time, or corrections to them.
 struct Numbers {
     of_all: [f64; 9],
+    /// Of bodies and bars.
     of_bodies: Vec<[f64; 3]>,
 }
 
 impl Numbers {
     fn of(instant: &Instant) -> Self {
-        let bodies = instant.bodies.iter().flatten();
+        let bodies = instant.bodies.iter().chain(&instant.bars).flatten();
         Self {
             of_all: [
                 instant.voltage,
@@ -189,6 +190,11 @@ impl Numbers {
             translation: [x, y],
             rotation: the_shorter_way(rotation),
         };
+        let mut moved = sum.of_bodies.into_iter().map(moved);
+        let mut take = |like: &Option<Vec<Motion>>| {
+            like.as_ref()
+                .map(|like| moved.by_ref().take(like.len()).collect::<Vec<_>>())
+        };
         Instant {
             time: instant.time,
             voltage,
@@ -200,7 +206,8 @@ impl Numbers {
             supplied,
             largest: largest.max(0.0),
             watched: watched.max(0.0),
-            bodies: (instant.bodies.as_ref()).map(|_| sum.of_bodies.into_iter().map(moved).collect()),
+            bodies: take(&instant.bodies),
+            bars: take(&instant.bars),
         }
     }
 }

@@ -13,6 +13,7 @@ use super::supply::Supply;
 use super::trace::Trace;
 use super::transient::{Estimate, FixedCharge, StepEstimate, TransientProblem, kink_with_noise, knots};
 use crate::charge;
+use crate::continuation::Problem;
 use crate::effects::WithMaterial;
 use crate::error::SetupError;
 use crate::mass::Mass;
@@ -22,7 +23,7 @@ use crate::precondition::Laplacian;
 use crate::solver::MembraneSolver;
 use crate::stability::Loss;
 use crate::work::WorkLimit;
-use deaflow_field::{Field, Outcome};
+use deaflow_field::{Field, Observation, Outcome, Simulation};
 use deaflow_pattern::Pattern;
 use deaflow_scene::{Scene, ViscousLaw, Waveform};
 
@@ -87,6 +88,7 @@ fn refusal_of_estimates(scene: &Scene) -> Option<SetupError> {
     let has = [
         (scene.drive.charge.is_some(), "the drive is a `charge`; give a voltage"),
         (effects.inertia.is_some(), "the scene has `inertia`"),
+        (scene.geometry.sides.is_some(), "not all `sides` are held"),
         (
             effects.electrode_resistance.is_some() || scene.drive.source.is_some(),
             "the scene has a `source` or `electrode_resistance`",
@@ -107,9 +109,12 @@ pub struct History {
     pub instants: Vec<Instant>,
     /// Indices of the instants at the requested times.
     pub kept: Vec<usize>,
-    /// The displacement at the requested times, up to the loss of stability; with inertia, extrapolated to zero step
-    /// length.
+    /// The displacement from the mount at the requested times, up to the loss of stability; with inertia, extrapolated
+    /// to zero step length.
     pub fields: Vec<Field>,
+    /// If a side is not held and there is a state without voltage, the displacement there, from which all other
+    /// displacements count.
+    pub rest: Option<Field>,
     /// The corner (column, row) that moves most at the last requested time.
     pub watched: [usize; 2],
     /// Estimate of the largest error in mm due to steps in time; `None` if unknown.
@@ -123,6 +128,37 @@ pub struct History {
 }
 
 impl History {
+    /// Returns the displacements from rest at the requested times, up to the loss of stability.
+    #[must_use]
+    pub fn strokes(&self) -> Vec<Field> {
+        match &self.rest {
+            Some(rest) => self.fields.iter().map(|field| field.plus(-1.0, rest)).collect(),
+            None => self.fields.clone(),
+        }
+    }
+
+    /// Returns the state at the end, with the motions of bodies and bars; without a field if it was not reached.
+    #[must_use]
+    pub fn last_state(&self) -> Simulation {
+        let field = self.fields.last().filter(|_| self.outcome.is_converged());
+        let observation = match (field, self.asked().last()) {
+            (Some(_), Some(last)) => Observation {
+                bodies: last.bodies.clone(),
+                bars: last.bars.clone(),
+                rest: self.rest.clone(),
+                ..Observation::default()
+            },
+            _ => Observation::default(),
+        };
+        Simulation {
+            outcome: self.outcome,
+            field: field.cloned(),
+            newton_iterations: self.newton_steps,
+            residual: self.residual,
+            observation,
+        }
+    }
+
     /// Returns the membrane at the requested times, up to the loss of stability.
     pub fn asked(&self) -> impl Iterator<Item = &Instant> {
         self.kept.iter().map(|&at| &self.instants[at])
@@ -169,15 +205,10 @@ pub fn refusal(scene: &Scene) -> Option<SetupError> {
     if charges && scene.effects.inertia.is_some() && scene.effects.wrinkling.is_some() {
         return Some(SetupError::MovingCharge);
     }
-    if scene.geometry.sides.is_some() {
-        // Branches would have to be relaxed, and masses at rest, in the released state.
-        let effects = [
-            (scene.effects.viscoelasticity.is_some(), "`viscoelasticity`"),
-            (scene.effects.inertia.is_some(), "`inertia`"),
-        ];
-        if let Some((_, with)) = effects.into_iter().find(|(is_on, _)| *is_on) {
-            return Some(SetupError::Sides { with });
-        }
+    if scene.geometry.sides.is_some() && scene.effects.viscoelasticity.is_some() && scene.drive.rest.is_some() {
+        // Branches that have not relaxed move the sides before the drive.
+        let with = "`rest` in the drive";
+        return Some(SetupError::Sides { with });
     }
     if scene.effects.electrode_resistance.is_some() {
         if scene.leads.is_none() {
@@ -230,12 +261,20 @@ impl MembraneSolver {
             Some(charge) if is_sprayed => &charge::sprayed(&plain, &self.scene, charge.in_coulombs()),
             _ => &plain,
         };
+        let rest = match self.released(&plain) {
+            Ok(rest) => rest,
+            Err(ending) => {
+                let unstable = Pass::new(PassEnd::AtOnce(ending), [0; 2]);
+                return Ok(self.conclude(&unstable.clone(), Refined::unchecked(unstable), None, false));
+            }
+        };
         let half_active = request.estimate.map(|_| Activity::from_shares(&self.grid, |_, _| 0.5));
         let moving = Moving::new(self, request)?;
         self.check_steps(request, moving.as_ref())?;
         let (first, finer) = self.model.with(Follow {
             solver: self,
             activity,
+            rest: rest.as_deref(),
             held: charge.map(|charge| FixedCharge {
                 charge: if has_electrode { charge.in_coulombs() } else { 0.0 },
                 uncharged: is_sprayed.then_some(&plain),
@@ -248,7 +287,8 @@ impl MembraneSolver {
             request,
             moving,
         });
-        Ok(self.conclude(&first, finer, request.estimate.is_some()))
+        let rest = rest.map(|rest| self.grid.sample(&rest));
+        Ok(self.conclude(&first, finer, rest, request.estimate.is_some()))
     }
 
     /// Rejects a request with too many steps before the first step.
@@ -289,7 +329,7 @@ impl MembraneSolver {
         kink_with_noise(waveform, share.min(KINK) * self.scene.voltage_v().powi(2))
     }
 
-    fn conclude(&self, coarse: &Pass, fine: Refined, is_estimate: bool) -> History {
+    fn conclude(&self, coarse: &Pass, fine: Refined, rest: Option<Field>, is_estimate: bool) -> History {
         let Refined {
             pass,
             fields,
@@ -328,7 +368,11 @@ impl MembraneSolver {
             watched: pass.watched,
             instants: pass.instants,
             kept: pass.kept,
-            fields,
+            fields: match &rest {
+                Some(rest) => fields.iter().map(|field| field.plus(1.0, rest)).collect(),
+                None => fields,
+            },
+            rest,
             time_error_mm: error,
             steps,
             newton_steps,
@@ -347,10 +391,25 @@ struct Refined {
     newton_steps: u32,
 }
 
+impl Refined {
+    /// Returns a pass of unknown error.
+    fn unchecked(pass: Pass) -> Self {
+        Self {
+            fields: pass.fields.clone(),
+            error: None,
+            steps: pass.steps.len(),
+            newton_steps: pass.newton_steps,
+            pass,
+        }
+    }
+}
+
 /// The simulation of a pattern.
 struct Follow<'a> {
     solver: &'a MembraneSolver,
     activity: &'a Activity,
+    /// The state without voltage, if it is not the mount.
+    rest: Option<&'a [f64]>,
     held: Option<FixedCharge<'a>>,
     estimate: Option<Estimate<'a>>,
     request: &'a HistoryRequest,
@@ -377,8 +436,8 @@ impl Moving {
         }
         let speed = wave_speed(scene)?;
         let size = scene.membrane().size_mm;
-        // Half a wave along the longer side: about the period of the first mode.
-        let slowest = 2.0 * 1e-3 * f64::max(size[0], size[1]) / speed;
+        // Half a wave along the longer side: about the period of the first mode, which a heavy bar makes longer.
+        let slowest = 2.0 * 1e-3 * f64::max(size[0], size[1]) / speed * bodies::slowed_by_bars(&solver.grid);
         let per_second = speed / (1e-3 * solver.grid.unit_mm());
         let mass = Mass::new(&solver.grid, false);
         let times = [
@@ -411,6 +470,7 @@ impl WithMaterial for Follow<'_> {
         let Self {
             solver,
             activity,
+            rest,
             held,
             estimate,
             request,
@@ -419,7 +479,10 @@ impl WithMaterial for Follow<'_> {
         let waveform = solver.scene.waveform();
         let kink = solver.kink(request, &waveform);
         let transient = TransientProblem {
-            problem: solver.problem(activity, material),
+            problem: Problem {
+                at_rest: rest,
+                ..solver.problem(activity, material)
+            },
             scene: &solver.scene,
             knots: knots(&waveform, request.times.last().copied().unwrap_or(0.0), kink),
             kink,
@@ -443,6 +506,8 @@ impl WithMaterial for Follow<'_> {
                 transient.watched.set(most_moved(pass));
             }
         };
+        // The state of rest has the error of its residual, which is relative to that of the mount.
+        let at_rest = rest.map_or(0.0, |rest| solver.tolerance * solver.grid.sample(rest).max_magnitude());
         if let Some(Moving {
             mass,
             laplacian,
@@ -458,25 +523,22 @@ impl WithMaterial for Follow<'_> {
                 step,
                 parts: 1,
             };
-            return refine_motion(request, (&transient.limit, transient.noisy), |halvings, last| {
-                last.into_iter().for_each(watch);
-                motion.parts = 1 << halvings;
-                motion.pass()
-            });
+            return refine_motion(
+                request,
+                (&transient.limit, at_rest, transient.noisy),
+                |halvings, last| {
+                    last.into_iter().for_each(watch);
+                    motion.parts = 1 << halvings;
+                    motion.pass()
+                },
+            );
         }
         let mut workspace = solver.workspace().near();
         let steps = Steps::Within(solver.first_difference(request) / solver.grid.unit_mm());
         let mut coarse = transient.pass(steps, &mut workspace);
         if estimate.is_some() {
             coarse.watched = most_moved(&coarse);
-            let refined = Refined {
-                fields: coarse.fields.clone(),
-                error: None,
-                steps: coarse.steps.len(),
-                newton_steps: coarse.newton_steps,
-                pass: coarse.clone(),
-            };
-            return (coarse, refined);
+            return (coarse.clone(), Refined::unchecked(coarse));
         }
         let mut spent = Spent::new(&transient.limit);
         coarse = spent.count(coarse);
@@ -488,13 +550,18 @@ impl WithMaterial for Follow<'_> {
             }
             coarse = again;
         }
-        refine(coarse, request, (spent, solver.tolerance, transient.noisy), |coarse| {
-            // All passes watch the same corner, since they are extrapolated from each other.
-            if transient.watched.get() == [0; 2] {
-                watch(coarse);
-            }
-            transient.pass(Steps::At(&halved(&coarse.steps)), &mut workspace)
-        })
+        refine(
+            coarse,
+            request,
+            (spent, [solver.tolerance, at_rest], transient.noisy),
+            |coarse| {
+                // All passes watch the same corner, since they are extrapolated from each other.
+                if transient.watched.get() == [0; 2] {
+                    watch(coarse);
+                }
+                transient.pass(Steps::At(&halved(&coarse.steps)), &mut workspace)
+            },
+        )
     }
 }
 
@@ -589,12 +656,12 @@ fn largest(fields: &[Field]) -> f64 {
 }
 
 /// Halves the steps pass by pass until the error is small enough; returns the last two passes, extrapolated if three
-/// passes show that this is more accurate. The tolerance of equilibria adds an error of `rounding` times the
-/// displacement. The error of a drive with noise is a whole difference. `spent` has counted the first pass.
+/// passes show that this is more accurate. The tolerance of equilibria adds an error of a number times the
+/// displacement, and one in mm. The error of a drive with noise is a whole difference. `spent` has counted the first pass.
 fn refine(
     mut coarse: Pass,
     request: &HistoryRequest,
-    (mut spent, rounding, noisy): (Spent<'_>, f64, bool),
+    (mut spent, [rounding, at_rest], noisy): (Spent<'_>, [f64; 2], bool),
     mut halve: impl FnMut(&Pass) -> Pass,
 ) -> (Pass, Refined) {
     let mut before: Option<Pass> = None;
@@ -612,7 +679,7 @@ fn refine(
         // Second order divides the error by four; if it falls less, more is left.
         let ratio = old.map_or(0.25, |old| (difference / old).clamp(0.25, 0.75));
         let share = ratio / (1.0 - ratio);
-        let rounded = rounding * largest(&fine.fields);
+        let rounded = rounding * largest(&fine.fields) + at_rest;
         let extrapolated = before
             .as_ref()
             .and_then(|before| Extrapolation::of([before, &coarse, &fine]));
@@ -626,6 +693,7 @@ fn refine(
             // Shorter steps do not lower the effect of noise.
             (Some(accuracy), _) if fine.noise > accuracy => in_steps <= accuracy,
             (Some(accuracy), _) => error <= accuracy,
+            (None, _) if largest(&fine.fields) <= at_rest => true,
             (None, Some(found)) => found.relative_error(NEGLIGIBLE) <= USUAL_ERROR,
             (None, None) => has_all(&fine, &coarse) && share * fine.relative_difference(&coarse) <= USUAL_ERROR,
         };
@@ -653,10 +721,11 @@ fn refine(
     }
 }
 
-/// Halves the steps pass by pass until the fields extrapolated to zero step length hardly change.
+/// Halves the steps pass by pass until the fields extrapolated to zero step length hardly change, or by less than the
+/// error of the state of rest in mm.
 fn refine_motion(
     request: &HistoryRequest,
-    (limit, noisy): (&Cell<WorkLimit>, bool),
+    (limit, at_rest, noisy): (&Cell<WorkLimit>, f64, bool),
     mut pass_with: impl FnMut(u32, Option<&Pass>) -> Pass,
 ) -> (Pass, Refined) {
     let mut spent = Spent::new(limit);
@@ -699,7 +768,9 @@ fn refine_motion(
             true => (second, SAFETY / 15.0 * moved),
             false => (fine.fields.clone(), new),
         };
-        let wanted = request.accuracy_mm.unwrap_or(USUAL_ERROR * largest(&fields));
+        let wanted = request
+            .accuracy_mm
+            .unwrap_or((USUAL_ERROR * largest(&fields)).max(at_rest));
         let is_small = error <= wanted;
         // What averages of noise over steps leave does not fall at fourth order.
         let error = if noisy { error.max(moved) } else { error };

@@ -11,10 +11,10 @@ mod noise;
 mod states;
 mod supply;
 
+use super::bodies;
 use super::leads::{Charged, Conductor};
 use super::pass::{Instant, MOST_STEPS, Pass, PassEnd, Steps, magnitude_at};
 use super::smoothing::Smoothed;
-use super::trace::Trace;
 use super::transient::{StepEstimate, TransientProblem};
 use super::viscous::{BranchEnergy, Viscous};
 use crate::continuation::StepFailure;
@@ -58,10 +58,13 @@ impl<L: Material, F: Fn(f64) -> L> TransientProblem<'_, F> {
     /// Performs a pass over the time.
     pub fn pass(&self, steps: Steps<'_>, workspace: &mut Workspace) -> Pass {
         let activity = self.problem.activity;
-        let viscous = Viscous::new(self.scene, activity);
+        let rest = self.rest();
+        let units = Units::new(self.scene, activity.grid().unit_mm());
+        let [springs, work] = bodies::energies(units, activity.grid(), &rest);
+        let viscous = Viscous::new(self.scene, activity, &rest);
         let mut run = March {
             transient: self,
-            units: Units::new(self.scene, activity.grid().unit_mm()),
+            units,
             stored: 0.0,
             stored_at_rest: 0.0,
             // The pass that chooses the steps is never the last.
@@ -72,7 +75,7 @@ impl<L: Material, F: Fn(f64) -> L> TransientProblem<'_, F> {
                 .map(|_| viscous.clone()),
             loaded: BranchEnergy::default(),
             viscous,
-            u: vec![0.0; activity.grid().layout().vector_len()],
+            u: rest,
             volts: 0.0,
             volts_before: 0.0,
             smoothed: Smoothed::default(),
@@ -85,24 +88,13 @@ impl<L: Material, F: Fn(f64) -> L> TransientProblem<'_, F> {
             content: Content::default(),
             electric: 0.0,
             elastic_at_rest: 0.0,
-            springs: 0.0,
-            work: 0.0,
+            springs,
+            springs_at_rest: springs,
+            work,
             dissipated: 0.0,
             supplied: 0.0,
             workspace,
-            pass: Pass {
-                end: PassEnd::Done,
-                steps: Vec::new(),
-                instants: Vec::new(),
-                kept: Vec::new(),
-                fields: Vec::new(),
-                trace: Trace::new(),
-                watched: self.watched.get(),
-                newton_steps: 0,
-                work: 0,
-                residual: 0.0,
-                noise: 0.0,
-            },
+            pass: Pass::new(PassEnd::Done, self.watched.get()),
         };
         run.workspace.begin(self.limit.get());
         run.workspace.refer_anew();
@@ -144,8 +136,9 @@ struct March<'a, 'b, F> {
     content: Content,
     electric: f64,
     elastic_at_rest: f64,
-    /// Energy of the springs of bodies, and the work of their loads.
+    /// Energy of springs, that at rest, and the work of loads.
     springs: f64,
+    springs_at_rest: f64,
     work: f64,
     /// Energy of the branches in J.
     stored: f64,
@@ -362,7 +355,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         }
         let [largest, watched] = match self.measures {
             true => {
-                let field = transient.problem.activity.grid().sample(&self.u);
+                let field = transient.displacement(&self.u);
                 [field.max_magnitude(), magnitude_at(&field, transient.watched.get())]
             }
             false => [0.0; 2],
@@ -371,7 +364,8 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
             time: now,
             voltage: self.volts,
             charge: self.content.charge,
-            stored: self.content.elastic - self.elastic_at_rest + self.stored - self.stored_at_rest + self.springs,
+            stored: self.content.elastic - self.elastic_at_rest + self.stored - self.stored_at_rest + self.springs
+                - self.springs_at_rest,
             electric: self.electric,
             kinetic: 0.0,
             dissipated: self.dissipated,
@@ -379,14 +373,14 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
             largest,
             watched,
             bodies: transient.problem.activity.grid().motions(&self.u),
+            bars: transient.problem.activity.grid().bar_motions(&self.u),
         });
     }
 
     /// Records the last state as a requested one.
     fn keep(&mut self) {
         self.pass.kept.push(self.pass.instants.len() - 1);
-        let field = self.transient.problem.activity.grid().sample(&self.u);
-        self.pass.fields.push(field);
+        self.pass.fields.push(self.transient.displacement(&self.u));
     }
 }
 

@@ -20,7 +20,6 @@ use super::bodies;
 use super::feed::{self, Feed, Passage};
 use super::pass::{Instant, MOST_STEPS, Pass, PassEnd, magnitude_at};
 use super::smoothing::Smoothed;
-use super::trace::Trace;
 use super::transient::TransientProblem;
 use super::viscous::Viscous;
 use crate::charge;
@@ -83,8 +82,9 @@ struct MotionPass<'a, 'b, 'c, F> {
     elastic_at_rest: f64,
     branches: f64,
     branches_at_rest: f64,
-    /// Energy of the springs of bodies and of the forces on them in J.
+    /// Energy of springs, that at rest, and the work of loads, in J.
     springs: f64,
+    springs_at_rest: f64,
     work: f64,
     dissipated: f64,
     supplied: f64,
@@ -97,14 +97,16 @@ impl<L: Material, F: Fn(f64) -> L> Motion<'_, '_, F> {
     pub fn pass(&self) -> Pass {
         let activity = self.transient.problem.activity;
         let len = activity.grid().layout().vector_len();
-        let viscous = Viscous::new(self.transient.scene, activity);
+        let rest = self.transient.rest();
+        let viscous = Viscous::new(self.transient.scene, activity, &rest);
         let units = Units::new(self.transient.scene, activity.grid().unit_mm());
+        let [springs, work] = bodies::energies(units, activity.grid(), &rest);
         let branches = units.energy * viscous.stored(&viscous.loaded(), activity);
         let mut run = MotionPass {
             motion: self,
             viscous,
             units,
-            u: vec![0.0; len],
+            u: rest,
             v: vec![0.0; len],
             changes: Vec::new(),
             feed: Feed::of(self.transient),
@@ -114,24 +116,13 @@ impl<L: Material, F: Fn(f64) -> L> Motion<'_, '_, F> {
             elastic_at_rest: 0.0,
             branches,
             branches_at_rest: branches,
-            springs: 0.0,
-            work: 0.0,
+            springs,
+            springs_at_rest: springs,
+            work,
             dissipated: 0.0,
             supplied: 0.0,
             krylov: Scratch::new(len),
-            pass: Pass {
-                end: PassEnd::Done,
-                steps: Vec::new(),
-                instants: Vec::new(),
-                kept: Vec::new(),
-                fields: Vec::new(),
-                trace: Trace::new(),
-                watched: self.transient.watched.get(),
-                newton_steps: 0,
-                work: 0,
-                residual: 0.0,
-                noise: 0.0,
-            },
+            pass: Pass::new(PassEnd::Done, self.transient.watched.get()),
         };
         run.pass.end = run.run().err().unwrap_or(PassEnd::Done);
         run.pass.work = run.work();
@@ -182,9 +173,7 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
                     self.advance(now, to, 0)?;
                     now = to;
                     if step.is_multiple_of(self.motion.parts) {
-                        self.pass
-                            .trace
-                            .record(&transient.problem.activity.grid().sample(&self.u));
+                        self.pass.trace.record(&transient.displacement(&self.u));
                     }
                     if self.pass.steps.len() >= MOST_STEPS || transient.limit.get().is_spent(self.work()) {
                         return Err(PassEnd::WorkLimit);
@@ -332,7 +321,7 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
         self.viscous.relax(0.5 * seconds);
         self.branches = self.stored_in_branches();
         self.dissipated += strained - self.branches;
-        let [springs, loads] = bodies::energies(transient.scene, activity.grid(), &self.u);
+        let [springs, loads] = bodies::energies(self.units, activity.grid(), &self.u);
         self.springs = springs;
         self.supplied += loads - std::mem::replace(&mut self.work, loads);
         self.pass.steps.push(to);
@@ -502,12 +491,13 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
             }
             Feed::Conducting { .. } | Feed::Sprayed { .. } => (0.0, 0.0),
         };
-        let field = transient.problem.activity.grid().sample(&self.u);
+        let field = transient.displacement(&self.u);
         self.pass.instants.push(Instant {
             time: now,
             voltage,
             charge,
-            stored: self.content.elastic - self.elastic_at_rest + self.branches - self.branches_at_rest + self.springs,
+            stored: self.content.elastic - self.elastic_at_rest + self.branches - self.branches_at_rest + self.springs
+                - self.springs_at_rest,
             electric,
             kinetic: 0.5 * self.units.energy * twice,
             dissipated: self.dissipated,
@@ -515,12 +505,12 @@ impl<L: Material, F: Fn(f64) -> L> MotionPass<'_, '_, '_, F> {
             largest: field.max_magnitude(),
             watched: magnitude_at(&field, transient.watched.get()),
             bodies: transient.problem.activity.grid().motions(&self.u),
+            bars: transient.problem.activity.grid().bar_motions(&self.u),
         });
     }
 
     fn keep(&mut self) {
         self.pass.kept.push(self.pass.instants.len() - 1);
-        let field = self.motion.transient.problem.activity.grid().sample(&self.u);
-        self.pass.fields.push(field);
+        self.pass.fields.push(self.motion.transient.displacement(&self.u));
     }
 }

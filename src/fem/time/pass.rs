@@ -28,7 +28,7 @@ pub struct Instant {
     pub voltage: f64,
     /// Charge on all electrodes in C.
     pub charge: f64,
-    /// Elastic energy of material and branches in J, relative to the state before the drive.
+    /// Elastic energy of material, branches and springs in J, relative to the state before the drive.
     pub stored: f64,
     /// Energy of the electric field in J.
     pub electric: f64,
@@ -38,12 +38,14 @@ pub struct Instant {
     pub dissipated: f64,
     /// Energy supplied by the source, in J.
     pub supplied: f64,
-    /// Largest displacement magnitude over the cell corners in mm.
+    /// Largest displacement magnitude from rest over the cell corners in mm.
     pub largest: f64,
-    /// Displacement magnitude of the watched corner in mm.
+    /// Displacement magnitude of the watched corner from rest in mm.
     pub watched: f64,
-    /// Motions of the rigid bodies; empty if there are none.
+    /// Motions of the rigid bodies; `None` if there are none.
     pub bodies: Option<Vec<Motion>>,
+    /// Motions of the bars; `None` if there are none.
+    pub bars: Option<Vec<Motion>>,
 }
 
 /// How a pass ended.
@@ -79,7 +81,7 @@ pub struct Pass {
     pub instants: Vec<Instant>,
     /// Indices of the instants at the requested times that the pass reached.
     pub kept: Vec<usize>,
-    /// The displacement at these instants.
+    /// The displacement from rest at these instants.
     pub fields: Vec<Field>,
     /// With inertia, the motion at the ends of the steps that all passes have.
     pub trace: Trace,
@@ -96,6 +98,24 @@ pub struct Pass {
 }
 
 impl Pass {
+    /// Creates a pass without steps that ends in some way and watches a corner.
+    #[must_use]
+    pub fn new(end: PassEnd, watched: [usize; 2]) -> Self {
+        Self {
+            end,
+            steps: Vec::new(),
+            instants: Vec::new(),
+            kept: Vec::new(),
+            fields: Vec::new(),
+            trace: Trace::new(),
+            watched,
+            newton_steps: 0,
+            work: 0,
+            residual: 0.0,
+            noise: 0.0,
+        }
+    }
+
     /// Returns the largest difference in mm from another pass at the requested times that both reached.
     #[must_use]
     pub fn difference(&self, other: &Self) -> f64 {

@@ -6,6 +6,7 @@ mod charges;
 mod coverage;
 mod measured;
 mod published;
+mod sides;
 
 use super::coefficients::Coefficients;
 use super::*;

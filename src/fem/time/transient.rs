@@ -8,6 +8,7 @@ use super::supply::Supply;
 use crate::continuation::Problem;
 use crate::operator::Activity;
 use crate::work::WorkLimit;
+use deaflow_field::Field;
 use deaflow_scene::{Knot, Scene, Side, Waveform};
 
 /// A transient problem.
@@ -181,6 +182,25 @@ impl<F> TransientProblem<'_, F> {
         self.supply.is_some() || self.conductor.is_some()
     }
 
+    /// Returns the state before the drive: without voltage and with all loads if sides are not held, else the mount.
+    pub(super) fn rest(&self) -> Vec<f64> {
+        let len = self.problem.activity.grid().layout().vector_len();
+        self.problem.at_rest.map_or_else(|| vec![0.0; len], <[f64]>::to_vec)
+    }
+
+    /// Returns nodal displacements from that state.
+    pub(super) fn moved(&self, u: &[f64]) -> Vec<f64> {
+        match self.problem.at_rest {
+            Some(rest) => u.iter().zip(rest).map(|(u, rest)| u - rest).collect(),
+            None => u.to_vec(),
+        }
+    }
+
+    /// Returns the displacement from that state at the cell corners, in mm.
+    pub(super) fn displacement(&self, u: &[f64]) -> Field {
+        self.problem.activity.grid().sample(&self.moved(u))
+    }
+
     /// Returns the membrane with the additional terms of an activity.
     pub(super) fn problem_of<'c>(&'c self, activity: &'c Activity) -> Problem<'c, &'c F> {
         Problem {
@@ -188,7 +208,7 @@ impl<F> TransientProblem<'_, F> {
             laplacian: self.problem.laplacian,
             material: &self.problem.material,
             tolerance: self.problem.tolerance,
-            at_rest: None,
+            at_rest: self.problem.at_rest,
         }
     }
 }

@@ -75,9 +75,10 @@ struct Branch {
 }
 
 impl Viscous {
-    /// Creates the branches of a scene after the rest at the prestretch of its drive; relaxed without one.
+    /// Creates the branches of a scene at a state of rest, after the rest at the prestretch of its drive; relaxed
+    /// without one.
     #[must_use]
-    pub fn new(scene: &Scene, activity: &Activity) -> Self {
+    pub fn new(scene: &Scene, activity: &Activity, at_rest: &[f64]) -> Self {
         let prestretch = scene.mean_prestretch();
         let stiffness = scene.shear_modulus_pa() * prestretch.powi(2);
         let named = scene.effects.viscoelasticity.iter().flat_map(|effect| &effect.branches);
@@ -106,7 +107,7 @@ impl Viscous {
         if viscous.is_empty() {
             return viscous;
         }
-        viscous.metric = Arc::new(metrics(activity, &vec![0.0; layout.vector_len()]));
+        viscous.metric = Arc::new(metrics(activity, at_rest));
         let Some(rest) = &scene.drive.rest else {
             viscous.states = vec![viscous.metric.to_vec(); viscous.branches.len()];
             return viscous;

@@ -217,10 +217,10 @@ impl AmplitudeSolvers {
     }
 }
 
-/// Returns the fields of a result at all requested times; one field without times.
+/// Returns the displacements from rest of a result at all requested times; one field without times.
 fn fields_of(result: &AccurateSimulation, history: Option<&History>) -> Option<Vec<Field>> {
     let last = result.simulation.stroke()?;
-    Some(history.map_or_else(|| vec![last], |history| history.fields.clone()))
+    Some(history.map_or_else(|| vec![last], History::strokes))
 }
 
 /// Returns the fields of two solutions at all requested times, if both have them.

@@ -25,7 +25,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         let loaded = self.viscous.loaded();
         let stored = self.units.energy * self.viscous.stored(&loaded, transient.problem.activity);
         let earlier = mem::replace(&mut self.loaded, loaded);
-        let [springs, work] = bodies::energies(transient.scene, transient.problem.activity.grid(), &self.u);
+        let [springs, work] = bodies::energies(self.units, transient.problem.activity.grid(), &self.u);
         let springs_before = mem::replace(&mut self.springs, springs);
         let work_before = mem::replace(&mut self.work, work);
         let change = stored - mem::replace(&mut self.stored, stored);

@@ -75,7 +75,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
             laplacian: problem.laplacian,
             material: |share: f64| (problem.material)(share * to),
             tolerance: problem.tolerance,
-            at_rest: None,
+            at_rest: problem.at_rest,
         };
         let workspace = &mut *self.workspace;
         if from > 0.0 {

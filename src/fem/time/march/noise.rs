@@ -71,9 +71,10 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
             noise = (drive - extrapolated).abs();
             let explained = RESPONSE * 2.0 * noise / drive.abs().max(noise).max(f64::MIN_POSITIVE);
             let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-            let along = product(&off, &found.u) / product(&found.u, &found.u).max(f64::MIN_POSITIVE);
+            let moved = self.transient.moved(&found.u);
+            let along = product(&off, &moved) / product(&moved, &moved).max(f64::MIN_POSITIVE);
             let along = along.max(-explained).min(explained);
-            off.iter_mut().zip(&found.u).for_each(|(off, u)| *off -= along * u);
+            off.iter_mut().zip(&moved).for_each(|(off, u)| *off -= along * u);
         }
         let charged = self.charged_off(found, to, noise);
         off.iter().fold(charged, |largest, off| largest.max(off.abs()))
@@ -139,7 +140,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         if full <= 0.0 || variance <= 0.0 {
             return 0.0;
         }
-        let here = activity.grid().sample(&self.u);
+        let here = transient.displacement(&self.u);
         if transient.is_fed_slowly() {
             let points = transient.points([0.0, now]);
             let row = now / (points.len() - 1) as f64;
@@ -151,7 +152,7 @@ impl<L: Material, F: Fn(f64) -> L> March<'_, '_, F> {
         let mut at = |share: f64| -> Result<_, StepFailure> {
             let start = self.u.clone();
             let found = self.solve(activity, 0.0, share.max(0.0), start)?;
-            Ok(activity.grid().sample(&found))
+            Ok(transient.displacement(&found))
         };
         match (at(share + noise), at(share - noise)) {
             (Ok(more), Ok(less)) => 0.5 * here.extrapolated(&more, 1.0).max_difference(&less),
