@@ -6,11 +6,14 @@ use super::fitted::FitFault;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SetupError {
     /// A path of rising loads without any.
-    #[error("a path of the load needs a force on a side, a bar or a body; the scene has none")]
+    #[error("a path of the load needs a force other than 0 on a side, a bar or a body; the scene has none")]
     NoLoads,
     /// A path of given displacements without any.
-    #[error("a path of the displacement needs a bar with a `displacement`; the scene has none")]
+    #[error("a path of the displacement needs a bar with a `displacement` other than 0; the scene has none")]
     NoDisplacements,
+    /// A path of loads or displacements with a charge.
+    #[error("a path of the load or displacement needs a voltage; the drive of this scene is a charge")]
+    ChargedPath,
     /// Elements per cell out of range.
     #[error("elements_per_cell is {found}; allowed: 1 to 8")]
     ElementsPerCell {
@@ -220,6 +223,9 @@ impl SetupError {
                 | Self::Density
                 | Self::NothingMoves
                 | Self::Steps { .. }
+                | Self::NoLoads
+                | Self::NoDisplacements
+                | Self::ChargedPath
         )
     }
 }

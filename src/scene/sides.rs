@@ -365,32 +365,37 @@ impl Sides {
         (!are_held).then_some(sides)
     }
 
-    /// Returns the sides without forces on them; `None` if there are none.
+    /// Returns the sides without forces on them; `None` if all forces are zero.
     #[must_use]
     pub(super) fn without_loads(&self) -> Option<Self> {
-        let unloaded = |side: &SideSupport| match side {
-            SideSupport::Load(_) => SideSupport::Free,
-            SideSupport::Bar(bar) => SideSupport::Bar(Bar {
-                load: None,
-                at: None,
-                ..bar.clone()
-            }),
-            other => other.clone(),
-        };
-        self.changed(unloaded)
+        let force = |side: &SideSupport| side.load_n().or_else(|| side.bar().map(Bar::load_n));
+        let is_loaded = self.iter().any(|(_, side)| force(side).unwrap_or_default() != [0.0; 2]);
+        is_loaded.then(|| {
+            self.map(|side| match side {
+                SideSupport::Load(_) => SideSupport::Free,
+                SideSupport::Bar(bar) => SideSupport::Bar(Bar {
+                    load: None,
+                    at: None,
+                    ..bar.clone()
+                }),
+                other => other.clone(),
+            })
+        })
     }
 
-    /// Returns the sides with bars of given motions in their initial position; `None` if there are none.
+    /// Returns the sides with bars of given motions in their initial position; `None` if all are there.
     #[must_use]
     pub(super) fn without_displacements(&self) -> Option<Self> {
-        let at_rest = |side: &SideSupport| match side {
-            SideSupport::Bar(bar) => SideSupport::Bar(Bar {
-                displacement: bar.displacement.map(|_| [Length::literal("0 mm"); 2]),
-                ..bar.clone()
-            }),
-            other => other.clone(),
-        };
-        self.changed(at_rest)
+        let mut moved = self.bars().filter_map(|(_, bar)| bar.displacement_mm());
+        moved.any(|by| by != [0.0; 2]).then(|| {
+            self.map(|side| match side {
+                SideSupport::Bar(bar) => SideSupport::Bar(Bar {
+                    displacement: bar.displacement.map(|_| [Length::literal("0 mm"); 2]),
+                    ..bar.clone()
+                }),
+                other => other.clone(),
+            })
+        })
     }
 
     /// Returns the sides without the masses of bars.
@@ -405,12 +410,7 @@ impl Sides {
         })
     }
 
-    /// Returns the sides with other supports; `None` if all are the same.
-    fn changed(&self, change: impl Fn(&SideSupport) -> SideSupport) -> Option<Self> {
-        let changed = self.map(change);
-        (changed != *self).then_some(changed)
-    }
-
+    /// Returns the sides with other supports.
     fn map(&self, change: impl Fn(&SideSupport) -> SideSupport) -> Self {
         let each = |side: &Option<SideSupport>| side.as_ref().map(&change);
         Self {

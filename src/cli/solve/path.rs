@@ -88,6 +88,10 @@ pub fn execute(arguments: &SolveArguments, parameter: PathParameter, output: &Ou
     simulation.finish(result, output)
 }
 
+/// Help where a path of loads or displacements cannot start.
+const START: &str = "the membrane may be slack, or unstable at this voltage: lower the voltage, hold it by another \
+                     support, or mount it at another `prestretch`";
+
 /// Returns why there is no path.
 fn no_path(reason: NoPath, parameter: PathParameter) -> CliError {
     match (reason, parameter) {
@@ -101,7 +105,7 @@ fn no_path(reason: NoPath, parameter: PathParameter) -> CliError {
             CliError::failure(format!(
                 "the membrane has no stable state {missing} {name}, where this path starts"
             ))
-            .help("lower the voltage, or mount it at another `prestretch`")
+            .help(START)
         }
     }
 }
@@ -176,11 +180,17 @@ impl Controlled {
         let (name, unit) = match (self.parameter, &self.full) {
             (PathParameter::Voltage, _) => ("Voltage".to_owned(), "kV"),
             (_, Some((name, unit, _))) => (name.clone(), *unit),
-            (parameter, None) => (format!("Share of the {}s of the scene", parameter.name()), "1"),
+            (parameter, None) => (format!("Share of the {}s of the scene", parameter.name()), ""),
         };
         PathAxes {
-            along: format!("{name} [{unit}]"),
-            unit: unit.to_owned(),
+            along: match unit {
+                "" => name,
+                _ => format!("{name} [{unit}]"),
+            },
+            unit: match unit {
+                "" => format!("of the {}s", self.parameter.name()),
+                _ => unit.to_owned(),
+            },
             across: match self.pulled {
                 Some(_) => "Force of the bar along its displacement [N]".to_owned(),
                 None => "Displacement of the point that moves most [mm]".to_owned(),
@@ -192,7 +202,7 @@ impl Controlled {
     fn text(&self, share: f64) -> String {
         match &self.full {
             Some((_, unit, full)) => format!("{} {unit}", four_digits(share * full)),
-            None => format!("{} of the {}", four_digits(share), self.parameter.name()),
+            None => format!("{} of the {}s", four_digits(share), self.parameter.name()),
         }
     }
 
@@ -290,7 +300,11 @@ fn document(PatternPath { path, critical }: &PatternPath, controlled: &Controlle
             one
         })
         .collect();
-    let limit = path.limit().zip(*critical).map(|(limit, critical)| {
+    let on_this_mesh = |limit: &PathEvent| {
+        (controlled.parameter != PathParameter::Voltage)
+            .then(|| json!({ "kind": limit.kind.name(), "share": limit.share, "point": limit.point }))
+    };
+    let with_error = path.limit().zip(*critical).map(|(limit, critical)| {
         let meshes: Vec<Value> = std::iter::once(critical.coarse)
             .chain(critical.fine)
             .map(on_mesh)
@@ -304,7 +318,7 @@ fn document(PatternPath { path, critical }: &PatternPath, controlled: &Controlle
         })
     });
     json!({
-        "limit": limit,
+        "limit": with_error.or_else(|| path.limit().as_ref().and_then(on_this_mesh)),
         "watched_corner": path.watched,
         "points": points.collect::<Vec<_>>(),
         "events": events,

@@ -50,6 +50,9 @@ impl PathParameter {
 
     /// Returns the scene at the start of a path; `None` if that differs from the scene only by the voltage.
     fn start(self, scene: &Scene) -> Result<Option<Scene>, SetupError> {
+        if self != Self::Voltage && scene.drive.charge.is_some() {
+            return Err(SetupError::ChargedPath);
+        }
         match self {
             Self::Voltage => Ok(None),
             Self::Load => scene.without_loads().map(Some).ok_or(SetupError::NoLoads),

@@ -2,18 +2,22 @@
 //!
 //! The iteration is LOBPCG (Knyazev, SIAM J. Sci. Comput. 23 (2001) 517) with a block of vectors, preconditioned by the
 //! inverse Laplacian: Rayleigh and Ritz in the span of the block, its preconditioned residuals and its last steps, with
-//! an orthonormal basis.
+//! an orthonormal basis. Bars with a mass of their own can be thousands of times as heavy as the membrane; in the metric
+//! of such masses the motions of the membrane are lost in rounding, so that the largest values of M v = ω⁻² K v are
+//! searched in the metric of K.
 
 use deaflow_linalg::{Eigen, Mat, eigen};
 
 use crate::effects::WithMaterial;
 use crate::eigenvalue::{dot, precondition};
 use crate::error::SetupError;
+use crate::grid::Grid;
 use crate::mass::Mass;
 use crate::material::Material;
 use crate::operator::{Activity, Operator};
 use crate::precondition::Laplacian;
 use crate::solver::MembraneSolver;
+use crate::supports::Rigid;
 use deaflow_base::Stream;
 use deaflow_field::{Field, Outcome};
 use deaflow_pattern::Pattern;
@@ -70,13 +74,20 @@ impl MembraneSolver {
                 modes: Vec::new(),
             });
         }
-        let pairs = self.model.with(Lowest {
+        let Some(pairs) = self.model.with(Lowest {
             solver: self,
             activity: &self.model.activity(&self.grid, pattern),
             u: &solution.displacement,
             mass: &Mass::new(&self.grid, lumped),
             count,
-        });
+        }) else {
+            return Ok(Vibration {
+                outcome: Outcome::IterationLimit,
+                equilibrium: None,
+                frequencies: Vec::new(),
+                modes: Vec::new(),
+            });
+        };
         let hertz = speed / (1e-3 * self.grid.unit_mm() * std::f64::consts::TAU);
         Ok(Vibration {
             outcome: solution.outcome,
@@ -111,27 +122,65 @@ struct Lowest<'a> {
 }
 
 impl WithMaterial for Lowest<'_> {
-    type Output = Vec<(f64, Vec<f64>)>;
+    /// `None` if the iteration breaks down.
+    type Output = Option<Vec<(f64, Vec<f64>)>>;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
         let material = material(1.0);
         let operator = Operator::new(&material, self.activity);
-        lowest(&operator, &self.solver.laplacian, self.mass, self.u, self.count)
+        let found = lowest(&operator, &self.solver.laplacian, self.mass, self.u, self.count);
+        (!found.is_empty() && found.iter().all(|(value, _)| value.is_finite())).then_some(found)
     }
 }
 
-/// A vector and its products with K and M.
+/// The eigenvalue problem that is solved: A v = ν B v, for the lowest ν.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Pencil {
+    /// A = K and B = M, with ν = ω².
+    Squares,
+    /// A = −M and B = K, with ν = −ω⁻².
+    Inverses,
+}
+
+impl Pencil {
+    /// Returns the one for a grid.
+    fn of(grid: &Grid) -> Self {
+        let supports = grid.supports();
+        let has_mass = |body: &Rigid| body.own_masses() != [0.0; 3];
+        match supports.is_some_and(|supports| supports.bodies().iter().any(has_mass)) {
+            true => Self::Inverses,
+            false => Self::Squares,
+        }
+    }
+
+    /// Returns ω² of a direction.
+    fn square(self, direction: &Direction) -> f64 {
+        let ratio = dot(&direction.vector, &direction.stiff) / dot(&direction.vector, &direction.heavy);
+        match self {
+            Self::Squares => ratio,
+            Self::Inverses => -1.0 / ratio,
+        }
+    }
+}
+
+/// A vector and its products with A and B.
 #[derive(Clone)]
 struct Direction {
     vector: Vec<f64>,
-    /// K times the vector.
+    /// A times the vector.
     stiff: Vec<f64>,
-    /// M times the vector.
+    /// B times the vector.
     heavy: Vec<f64>,
 }
 
 impl Direction {
-    fn new<L: Material>(operator: &Operator<'_, L>, mass: &Mass, u: &[f64], mut vector: Vec<f64>) -> Self {
+    fn new<L: Material>(
+        pencil: Pencil,
+        operator: &Operator<'_, L>,
+        mass: &Mass,
+        u: &[f64],
+        mut vector: Vec<f64>,
+    ) -> Self {
         // The motion of a body in single precision is not quite rigid, and the error grows if most of a direction is
         // subtracted.
         operator.activity.grid().restrict(u, &mut vector);
@@ -140,6 +189,10 @@ impl Direction {
         let mut heavy = vec![0.0; vector.len()];
         mass.apply(&vector, &mut heavy);
         operator.activity.grid().restrict(u, &mut heavy);
+        if pencil == Pencil::Inverses {
+            std::mem::swap(&mut stiff, &mut heavy);
+            stiff.iter_mut().for_each(|force| *force = -*force);
+        }
         Self { vector, stiff, heavy }
     }
 
@@ -162,7 +215,7 @@ impl Direction {
         }
     }
 
-    /// Makes it orthogonal to unit directions and of unit mass; `None` if nothing is left of it.
+    /// Makes it orthogonal to unit directions and of unit size in B; `None` if nothing is left of it.
     fn orthonormal<'d>(mut self, others: impl Iterator<Item = &'d Self> + Clone) -> Option<Self> {
         let before = dot(&self.vector, &self.heavy);
         // Twice: the first pass leaves rounding of the size of the subtracted part.
@@ -202,6 +255,7 @@ pub(super) fn lowest<L: Material>(
 ) -> Vec<(f64, Vec<f64>)> {
     let grid = operator.activity.grid();
     let poses = grid.poses(u);
+    let pencil = Pencil::of(grid);
     let mut scratch = laplacian.scratch();
     let mut block: Vec<Direction> = Vec::new();
     for index in 0..(count + (count / 2).max(4)) {
@@ -210,7 +264,7 @@ pub(super) fn lowest<L: Material>(
         let Some(start) = precondition(laplacian, &load, &poses, &mut scratch) else {
             break;
         };
-        block.extend(Direction::new(operator, mass, u, start).orthonormal(block.iter()));
+        block.extend(Direction::new(pencil, operator, mass, u, start).orthonormal(block.iter()));
     }
     let mut steps: Vec<Direction> = Vec::new();
     let mut values = vec![f64::INFINITY; block.len()];
@@ -225,7 +279,7 @@ pub(super) fn lowest<L: Material>(
             let residual: Vec<f64> = x.stiff.iter().zip(&x.heavy).map(|(k, m)| k - value * m).collect();
             if let Some(correction) = precondition(laplacian, &residual, &poses, &mut scratch) {
                 let others = block.iter().chain(&steps).chain(&corrections);
-                corrections.extend(Direction::new(operator, mass, u, correction).orthonormal(others));
+                corrections.extend(Direction::new(pencil, operator, mass, u, correction).orthonormal(others));
             }
         }
         let span: Vec<&Direction> = block.iter().chain(&steps).chain(&corrections).collect();
@@ -263,11 +317,8 @@ pub(super) fn lowest<L: Material>(
     }
     let each = block.into_iter().take(count).map(|direction| {
         // The products of sums of sums accumulate rounding of their own.
-        let fresh = Direction::new(operator, mass, u, direction.vector);
-        (
-            dot(&fresh.vector, &fresh.stiff) / dot(&fresh.vector, &fresh.heavy),
-            fresh.vector,
-        )
+        let fresh = Direction::new(pencil, operator, mass, u, direction.vector);
+        (pencil.square(&fresh), fresh.vector)
     });
     each.collect()
 }

@@ -476,3 +476,42 @@ fn what_does_not_creep_or_move_with_such_sides_is_refused() {
         found.outcome
     );
 }
+
+#[test]
+fn modes_of_heavy_bars_are_those_of_one_bar_on_a_light_strip() {
+    // Frequencies of a bar that moves in all ways fall as the root of its mass, and do not depend on the number of modes.
+    let strip = |grams: f64| {
+        Scene::from_text(&format!(
+            "geometry: {{ size: [40 mm, 20 mm], thickness: 1 mm, prestretch: 2, cells: [10, 5], sides: {{ right: {{ bar: \
+             {{ load: [0.3 N, 0 N], mass: {grams} g }} }}, top: free, bottom: free }} }}\nmaterial: {{ model: \
+             neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }}\ndrive: {{ voltage: 4 kV }}\neffects: {{ \
+             inertia: {{ density: 960 kg/m3 }} }}"
+        ))
+        .unwrap()
+    };
+    let found = |grams: f64, count: usize| {
+        let scene = strip(grams);
+        let vibration = solver(&scene).vibration(&all(&scene), count, false).unwrap();
+        assert_eq!(vibration.frequencies.len(), count, "{grams} g");
+        assert!(
+            vibration.frequencies.is_sorted(),
+            "{grams} g: {:?}",
+            vibration.frequencies
+        );
+        vibration.frequencies
+    };
+    let known = found(3e4, 3);
+    for grams in [30.0, 500.0, 1e3, 3e4] {
+        for count in [1, 2, 4, 6] {
+            let frequencies = found(grams, count);
+            for (own, heavy) in frequencies.iter().zip(&known) {
+                let ratio = own * (grams / 3e4).sqrt() / heavy;
+                // The strip of 0.2 g adds up to a third of its mass.
+                assert!(
+                    (ratio - 1.0).abs() < 0.1 / grams + 1e-4,
+                    "{grams} g, {count}: {frequencies:?} {known:?}"
+                );
+            }
+        }
+    }
+}
