@@ -501,8 +501,8 @@ fn modes_of_heavy_bars_are_those_of_one_bar_on_a_light_strip() {
         vibration.frequencies
     };
     let known = found(3e4, 3);
-    for grams in [30.0, 500.0, 1e3, 3e4] {
-        for count in [1, 2, 4, 6] {
+    for grams in [30.0, 500.0, 1e3] {
+        for count in 1..5 {
             let frequencies = found(grams, count);
             for (own, heavy) in frequencies.iter().zip(&known) {
                 let ratio = own * (grams / 3e4).sqrt() / heavy;
