@@ -65,7 +65,7 @@ pub use measured::{
     ComparedEffects, ComparedFiles, ComparedFilesView, ComparedRows, ComparedRowsView, Comparison, FitCandidates,
     FittedParameters, FittedParametersView, FittedScene, MeasuredFiles, MeasuredRows, Measurements,
 };
-pub use observations::{Meshes, NO_STATE, Observations};
+pub use observations::{Meshes, NO_STATE, Observations, rotations, translations};
 pub use part::LongTexts;
 pub use patterns::named_patterns;
 pub use quantities::{MeasuredQuantity, Quantities};

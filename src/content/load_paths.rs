@@ -62,9 +62,11 @@ arrays! {
         bar_translation: Option<Packed<PerBody<[f64; 2]>>> = array("bar_translation", "mm", [point, bar, xy]),
         /// Rotation of each bar, from -180 to 180, counterclockwise.
         bar_rotation: Option<Packed<PerBody<f64>>> = array("bar_rotation", "deg", [point, bar]),
-        /// Force of the left, right, lower and upper side on the membrane; 0 along components that a side does not hold.
+        /// Force of the left, right, lower and upper side on the membrane; 0 along components that a side does not
+        /// hold.
         reaction: Option<Packed<PerBody<[f64; 2]>>> = array("reaction", "N", [point, side, xy]),
-        /// If not all sides are held, displacement of the first point from the mount; other displacements count from it.
+        /// If not all sides are held, displacement of the first point from the mount, from which `displacement` and
+        /// `max_displacement` count.
         rest: Option<Vec<Field>> = array("rest", "mm", [path, corner_y, corner_x, xy]),
         /// The scene; where the voltage changes, its voltage is not used.
         scene: Scene = attribute("scene"),

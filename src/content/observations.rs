@@ -135,11 +135,15 @@ fn motions(
     samples.iter().flat_map(of).collect()
 }
 
-fn translations(motions: &[Motion]) -> Packed<PerBody<[f64; 2]>> {
+/// Packs the translations of motions.
+#[must_use]
+pub fn translations(motions: &[Motion]) -> Packed<PerBody<[f64; 2]>> {
     Packed(motions.iter().flat_map(|motion| motion.translation).collect())
 }
 
-fn rotations(motions: &[Motion]) -> Packed<PerBody<f64>> {
+/// Packs the rotations of motions.
+#[must_use]
+pub fn rotations(motions: &[Motion]) -> Packed<PerBody<f64>> {
     Packed(motions.iter().map(|motion| motion.rotation).collect())
 }
 

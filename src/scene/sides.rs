@@ -234,7 +234,8 @@ impl Edge {
     }
 
     /// Returns the outward normal.
-    fn normal(self) -> [f64; 2] {
+    #[must_use]
+    pub fn normal(self) -> [f64; 2] {
         match self {
             Self::Left => [-1.0, 0.0],
             Self::Right => [1.0, 0.0],
@@ -371,13 +372,13 @@ impl Sides {
         let force = |side: &SideSupport| side.load_n().or_else(|| side.bar().map(Bar::load_n));
         let is_loaded = self.iter().any(|(_, side)| force(side).unwrap_or_default() != [0.0; 2]);
         is_loaded.then(|| {
-            self.map(|side| match side {
+            let unloaded = self.map_bars(|bar| Bar {
+                load: None,
+                at: None,
+                ..bar
+            });
+            unloaded.map(|side| match side {
                 SideSupport::Load(_) => SideSupport::Free,
-                SideSupport::Bar(bar) => SideSupport::Bar(Bar {
-                    load: None,
-                    at: None,
-                    ..bar.clone()
-                }),
                 other => other.clone(),
             })
         })
@@ -388,12 +389,9 @@ impl Sides {
     pub(super) fn without_displacements(&self) -> Option<Self> {
         let mut moved = self.bars().filter_map(|(_, bar)| bar.displacement_mm());
         moved.any(|by| by != [0.0; 2]).then(|| {
-            self.map(|side| match side {
-                SideSupport::Bar(bar) => SideSupport::Bar(Bar {
-                    displacement: bar.displacement.map(|_| [Length::literal("0 mm"); 2]),
-                    ..bar.clone()
-                }),
-                other => other.clone(),
+            self.map_bars(|bar| Bar {
+                displacement: bar.displacement.map(|_| [Length::literal("0 mm"); 2]),
+                ..bar
             })
         })
     }
@@ -401,16 +399,16 @@ impl Sides {
     /// Returns the sides without the masses of bars.
     #[must_use]
     pub(super) fn without_masses(&self) -> Self {
+        self.map_bars(|bar| Bar { mass: None, ..bar })
+    }
+
+    fn map_bars(&self, change: impl Fn(Bar) -> Bar) -> Self {
         self.map(|side| match side {
-            SideSupport::Bar(bar) => SideSupport::Bar(Bar {
-                mass: None,
-                ..bar.clone()
-            }),
+            SideSupport::Bar(bar) => SideSupport::Bar(change(bar.clone())),
             other => other.clone(),
         })
     }
 
-    /// Returns the sides with other supports.
     fn map(&self, change: impl Fn(&SideSupport) -> SideSupport) -> Self {
         let each = |side: &Option<SideSupport>| side.as_ref().map(&change);
         Self {

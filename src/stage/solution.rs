@@ -1,6 +1,8 @@
 //! The artifact of a solve stage.
 
-use deaflow_content::{Meshes, Observations, Packed, SampleRows, Solutions, SolvedHistories, Unstable};
+use deaflow_content::{
+    Meshes, Observations, Packed, SampleRows, Solutions, SolvedHistories, Unstable, rotations, translations,
+};
 use deaflow_fem::{AccurateHistory, AccurateSimulation, GeometryError, History, Instant, Solver};
 use deaflow_field::{Field, Motion, OutcomeKind};
 use deaflow_scene::{Effects, Scene};
@@ -89,17 +91,15 @@ pub fn solved_histories(stable: &[&History], datum: Datum) -> SolvedHistories {
         each.filter(|all| !all.is_empty()).map(|all| all.concat())
     };
     let [bodies, bars] = [motions(|instant| &instant.bodies), motions(|instant| &instant.bars)];
-    let translations = |motions: &Vec<Motion>| Packed(motions.iter().flat_map(|motion| motion.translation).collect());
-    let rotations = |motions: &Vec<Motion>| Packed(motions.iter().map(|motion| motion.rotation).collect());
     let errors = stable.iter().map(|history| history.time_error_mm);
     SolvedHistories {
         time: Packed(instants().map(|instant| instant.time).collect()),
         displacement: Packed(displacement.collect()),
         charge: Packed(instants().map(|instant| instant.charge).collect()),
-        body_translation: bodies.as_ref().map(translations),
-        body_rotation: bodies.as_ref().map(rotations),
-        bar_translation: bars.as_ref().map(translations),
-        bar_rotation: bars.as_ref().map(rotations),
+        body_translation: bodies.as_deref().map(translations),
+        body_rotation: bodies.as_deref().map(rotations),
+        bar_translation: bars.as_deref().map(translations),
+        bar_rotation: bars.as_deref().map(rotations),
         error_in_time: errors.map(Option::unwrap_or_default).collect(),
     }
 }

@@ -11,7 +11,7 @@ use crate::side_results::SideResults;
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
 use deaflow_base::{Dimension, Time, error_digits, four_digits, rounded_by};
-use deaflow_content::{DrawnElectrodes, Histories, Lines, Packed};
+use deaflow_content::{DrawnElectrodes, Histories, Lines, Packed, rotations, translations};
 use deaflow_fem::screening::{ScreenedScene, TestPattern};
 use deaflow_fem::{AccurateHistory, History, Instant, USUAL_TIME_ERROR};
 use deaflow_field::{Field, Mesh, Motion};
@@ -294,8 +294,6 @@ fn histories(
     let bars = scene.geometry.sides.as_ref().map_or(0, |sides| sides.bars().count());
     let body_motions = motions(followed, times.len() * bodies, |instant| instant.bodies.as_ref());
     let bar_motions = motions(followed, times.len() * bars, |instant| instant.bars.as_ref());
-    let translations = |motions: &[Motion]| Packed(motions.iter().flat_map(|motion| motion.translation).collect());
-    let rotations = |motions: &[Motion]| Packed(motions.iter().map(|motion| motion.rotation).collect());
     let with_accuracy = simulation.arguments.accuracy.is_some();
     let has_electrode_voltage =
         scene.drive.source.is_some() || scene.drive.charge.is_some() || scene.effects.electrode_resistance.is_some();

@@ -10,12 +10,13 @@ use crate::results::with_error;
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
 use deaflow_base::{Progress, four_digits};
-use deaflow_content::{CoveredCells, DrawnElectrodes, LoadPaths, Packed};
+use deaflow_content::{CoveredCells, DrawnElectrodes, LoadPaths, Packed, rotations, translations};
 use deaflow_fem::screening::resolve;
 use deaflow_fem::{
     CriticalSearch, CriticalVoltage, LoadPath, MeshLimit, NoPath, PathEvent, PathParameter, PathPoint, PathSolver,
     SetupError, SideState,
 };
+use deaflow_field::Motion;
 use deaflow_pattern::Pattern;
 use deaflow_report::figures::{Branch, Limit, PathAxes, paths_sheet};
 use deaflow_scene::{Body, Edge, Scene, SideSupport, Sides};
@@ -362,8 +363,9 @@ fn load_paths(patterns: &[Pattern], followed: &[PatternPath], scene: Scene) -> L
     let events: Vec<(PathEvent, u64)> = paths.iter().zip(&point_offsets).flat_map(with_offset).collect();
     let limit = |path: &&LoadPath| path.limit().map_or("none", |limit| limit.kind.name()).to_owned();
     let sides = || points().filter_map(|point| point.sides.as_ref());
-    let bars = || sides().flat_map(|sides| &sides.bars);
-    let (has_sides, has_bars) = (sides().next().is_some(), bars().next().is_some());
+    let bars: Vec<Motion> = sides().flat_map(|sides| sides.bars.clone()).collect();
+    let has_sides = sides().next().is_some();
+    let has_shares = paths.iter().any(|path| path.parameter != PathParameter::Voltage);
     LoadPaths {
         patterns: patterns.to_vec(),
         electrodes: DrawnElectrodes::of(patterns),
@@ -390,12 +392,10 @@ fn load_paths(patterns: &[Pattern], followed: &[PatternPath], scene: Scene) -> L
             .map(|path| path.watched.map(|corner| corner as u64))
             .collect(),
         end: paths.iter().map(|path| path.end.name().to_owned()).collect(),
-        share: (paths.iter().any(|path| path.parameter != PathParameter::Voltage))
-            .then(|| points().map(|p| p.share).collect()),
-        event_share: (paths.iter().any(|path| path.parameter != PathParameter::Voltage))
-            .then(|| events.iter().map(|(event, _)| event.share).collect()),
-        bar_translation: has_bars.then(|| Packed(bars().flat_map(|bar| bar.translation).collect())),
-        bar_rotation: has_bars.then(|| Packed(bars().map(|bar| bar.rotation).collect())),
+        share: has_shares.then(|| points().map(|p| p.share).collect()),
+        event_share: has_shares.then(|| events.iter().map(|(event, _)| event.share).collect()),
+        bar_translation: (!bars.is_empty()).then(|| translations(&bars)),
+        bar_rotation: (!bars.is_empty()).then(|| rotations(&bars)),
         reaction: has_sides.then(|| Packed(sides().flat_map(|side| side.reactions).flatten().collect())),
         rest: paths.iter().map(|path| path.rest.clone()).collect(),
         scene,

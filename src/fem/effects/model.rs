@@ -112,8 +112,8 @@ impl Model {
         }
     }
 
-    /// Adds viscoelastic branches of a modulus γ, in units of μλp², that are relaxed without voltage and have no time
-    /// to relax from there.
+    /// Adds viscoelastic branches of a modulus γ, in units of μλp², that are relaxed without voltage and have no
+    /// time to relax from there.
     #[must_use]
     pub fn with_unrelaxed(self, gamma: f64) -> Self {
         Self { gamma, ..self }

@@ -27,14 +27,6 @@ const ROUNDING: f64 = 1e-14;
 /// Change of the load for its derivative, in units of the curve.
 const LOAD_DIFFERENCE: f64 = 1e-3;
 
-/// The start of a curve on which something else than the voltage changes.
-pub struct CurveStart {
-    /// What changes.
-    pub parameter: PathParameter,
-    /// The equilibrium at a share of 0.
-    pub u: Vec<f64>,
-}
-
 /// A direction along the curve, of unit length.
 struct Tangent {
     u: Vec<f64>,
@@ -138,8 +130,9 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
         Some(curve)
     }
 
-    /// Creates the curve through a state at a share of 0; `None` if memory is short.
-    pub fn through(problem: &'a Problem<'a, F>, CurveStart { parameter, u }: CurveStart) -> Option<Self> {
+    /// Creates the curve along which this changes, through the equilibrium `u` at a share of 0; `None` if memory is
+    /// short.
+    pub fn through(problem: &'a Problem<'a, F>, parameter: PathParameter, u: Vec<f64>) -> Option<Self> {
         let grid = problem.activity.grid();
         let mut given = Vec::new();
         if let Some(supports) = grid.supports().filter(|_| parameter == PathParameter::Displacement) {
@@ -309,11 +302,7 @@ impl<'a, L: Material, F: Fn(f64) -> L> Curve<'a, F> {
     }
 
     fn with_operator<R>(&self, share: f64, work: impl FnOnce(&Operator<'_, L>) -> R) -> R {
-        let (voltage, loads) = match self.parameter {
-            PathParameter::Voltage => (share, 1.0),
-            PathParameter::Load => (1.0, share),
-            PathParameter::Displacement => (1.0, 1.0),
-        };
+        let [voltage, loads] = self.parameter.shares(share);
         let material = (self.problem.material)(voltage);
         work(&Operator {
             body_load: loads,

@@ -20,7 +20,7 @@ use super::operator::Activity;
 use super::reactions::SideForces;
 use super::solver::{MembraneSolver, SolveOptions};
 
-use curve::{Curve, CurveStart};
+use curve::Curve;
 use trace::{PathState, Trace, follow};
 
 /// What changes along a path.
@@ -45,6 +45,15 @@ impl PathParameter {
             Self::Voltage => "voltage",
             Self::Load => "load",
             Self::Displacement => "displacement",
+        }
+    }
+
+    /// Returns the shares of the voltage, as V², and of the loads at a share of what changes.
+    fn shares(self, share: f64) -> [f64; 2] {
+        match self {
+            Self::Voltage => [share, 1.0],
+            Self::Load => [1.0, share],
+            Self::Displacement => [1.0; 2],
         }
     }
 
@@ -372,20 +381,11 @@ impl WithMaterial for Follow<'_> {
         let forces = SideForces::new(solver, self.pattern);
         let problem = solver.problem(self.activity, &material);
         let curve = match self.start.take() {
-            Some(u) => Curve::through(
-                &problem,
-                CurveStart {
-                    parameter: self.parameter,
-                    u,
-                },
-            )?,
+            Some(u) => Curve::through(&problem, self.parameter, u)?,
             None => Curve::new(&problem)?,
         };
         let trace = follow(&curve, |state| {
-            let (voltage, load) = match self.parameter {
-                PathParameter::Voltage => (state.share, 1.0),
-                PathParameter::Load | PathParameter::Displacement => (1.0, state.share),
-            };
+            let [voltage, load] = self.parameter.shares(state.share);
             let reactions = forces
                 .as_ref()
                 .map(|forces| forces.at(&material(voltage), load, &state.u));

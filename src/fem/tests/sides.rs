@@ -526,3 +526,27 @@ fn paths_agree_with_solutions_of_a_strip_with_a_bar() {
         assert_eq!(PathSolver::new(&unloaded, options, parameter).err(), Some(error));
     }
 }
+
+#[test]
+fn a_path_of_the_displacement_keeps_the_loads_of_other_sides() {
+    let sides =
+        "sides: { right: { bar: { displacement: [5 mm, 1 mm] } }, top: { load: [0.02 N, 0.1 N] }, bottom: free }";
+    let scene = scene(
+        &format!("size: [40 mm, 20 mm], prestretch: [2, 1], cells: [10, 5], {sides}"),
+        4000.0,
+    );
+    let path = path_of(&scene, PathParameter::Displacement);
+    assert_eq!(path.end, PathEnd::Complete);
+    let all = Pattern::from_fn(scene.membrane().raster, |_, _| true);
+    let reactions = solved(&scene, Mesh::bilinear(1), &all).0.observation.reactions.unwrap();
+    for point in &path.points {
+        let found = point.sides.as_ref().unwrap().reactions;
+        for (c, load) in [0.02, 0.1].into_iter().enumerate() {
+            let sum: f64 = found.iter().map(|side| side[c]).sum();
+            assert!((sum + load).abs() < 1e-8, "{sum} {load}");
+        }
+    }
+    let last = path.points.last().unwrap().sides.as_ref().unwrap().reactions;
+    let differences = last.into_iter().flatten().zip(reactions.into_iter().flatten());
+    assert!(differences.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) < 1e-7);
+}

@@ -657,7 +657,8 @@ fn largest(fields: &[Field]) -> f64 {
 
 /// Halves the steps pass by pass until the error is small enough; returns the last two passes, extrapolated if three
 /// passes show that this is more accurate. The tolerance of equilibria adds an error of a number times the
-/// displacement, and one in mm. The error of a drive with noise is a whole difference. `spent` has counted the first pass.
+/// displacement, and one in mm. The error of a drive with noise is a whole difference. `spent` has counted the first
+/// pass.
 fn refine(
     mut coarse: Pass,
     request: &HistoryRequest,

@@ -2,9 +2,9 @@
 //!
 //! The iteration is LOBPCG (Knyazev, SIAM J. Sci. Comput. 23 (2001) 517) with a block of vectors, preconditioned by the
 //! inverse Laplacian: Rayleigh and Ritz in the span of the block, its preconditioned residuals and its last steps, with
-//! an orthonormal basis. Bars with a mass of their own can be thousands of times as heavy as the membrane; in the metric
-//! of such masses the motions of the membrane are lost in rounding, so that the largest values of M v = ω⁻² K v are
-//! searched in the metric of K.
+//! an orthonormal basis. Bars with a mass of their own can be thousands of times as heavy as the membrane; in the
+//! metric of such masses the motions of the membrane are lost in rounding, so that the largest values of M v = ω⁻² K v
+//! are searched in the metric of K.
 
 use deaflow_linalg::{Eigen, Mat, eigen};
 
@@ -45,6 +45,18 @@ pub struct Vibration {
     pub modes: Vec<Field>,
 }
 
+impl Vibration {
+    /// No modes, for this reason.
+    fn none(outcome: Outcome) -> Self {
+        Self {
+            outcome,
+            equilibrium: None,
+            frequencies: Vec::new(),
+            modes: Vec::new(),
+        }
+    }
+}
+
 /// The speed in m/s of shear waves that sets the scale of frequencies, c = λp√(μ/ρ).
 ///
 /// # Errors
@@ -69,12 +81,7 @@ impl MembraneSolver {
         }
         let solution = self.solve(pattern);
         if !solution.outcome.is_converged() {
-            return Ok(Vibration {
-                outcome: solution.outcome,
-                equilibrium: None,
-                frequencies: Vec::new(),
-                modes: Vec::new(),
-            });
+            return Ok(Vibration::none(solution.outcome));
         }
         let Some(pairs) = self.model.with(Lowest {
             solver: self,
@@ -83,12 +90,7 @@ impl MembraneSolver {
             mass: &Mass::new(&self.grid, lumped),
             count,
         }) else {
-            return Ok(Vibration {
-                outcome: Outcome::IterationLimit,
-                equilibrium: None,
-                frequencies: Vec::new(),
-                modes: Vec::new(),
-            });
+            return Ok(Vibration::none(Outcome::IterationLimit));
         };
         let hertz = speed / (1e-3 * self.grid.unit_mm() * std::f64::consts::TAU);
         Ok(Vibration {

@@ -39,8 +39,8 @@ pub fn name(designs: &mut [Design]) {
     }
 }
 
-/// Returns case, target, values of a sweep if targets differ in these, number and role. A target that is the end of the case
-/// is left out.
+/// Returns case, target, values of a sweep if targets differ in these, number and role. A target that is the end of the
+/// case is left out.
 fn plain(design: &Design, several: bool, is_swept: bool) -> String {
     let (case, target) = (safe(&design.case), safe(&design.target));
     let is_in_case = case == target || case.ends_with(&format!("-{target}"));

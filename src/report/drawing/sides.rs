@@ -42,7 +42,7 @@ pub fn draw(sides: &Sides, size: [f64; 2], to: impl Fn(Point) -> (f64, f64)) -> 
         @for (edge, side) in sides.iter() {
             @if let Some((force, at_mm)) = load(side) {
                 @let length = size[1 - edge.normal_axis()];
-                (arrow(along(edge, (0.5 + at_mm / length).clamp(0.0, 1.0)), force, outwards(edge)))
+                (arrow(along(edge, (0.5 + at_mm / length).clamp(0.0, 1.0)), force, edge.normal()))
             }
         }
     }
@@ -79,15 +79,6 @@ fn load(side: &SideSupport) -> Option<([f64; 2], f64)> {
         other => (other.load_n()?, 0.0),
     };
     (force != [0.0; 2]).then_some((force, at))
-}
-
-fn outwards(edge: Edge) -> [f64; 2] {
-    match edge {
-        Edge::Left => [-1.0, 0.0],
-        Edge::Right => [1.0, 0.0],
-        Edge::Bottom => [0.0, -1.0],
-        Edge::Top => [0.0, 1.0],
-    }
 }
 
 /// Draws the arrow of a force within the membrane: it pulls with its tip at the side, or pushes from there.

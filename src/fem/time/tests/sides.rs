@@ -479,7 +479,8 @@ fn what_does_not_creep_or_move_with_such_sides_is_refused() {
 
 #[test]
 fn modes_of_heavy_bars_are_those_of_one_bar_on_a_light_strip() {
-    // Frequencies of a bar that moves in all ways fall as the root of its mass, and do not depend on the number of modes.
+    // Frequencies of a bar that moves in all ways fall as the root of its mass, and do not depend on the number of
+    // modes.
     let strip = |grams: f64| {
         Scene::from_text(&format!(
             "geometry: {{ size: [40 mm, 20 mm], thickness: 1 mm, prestretch: 2, cells: [10, 5], sides: {{ right: {{ bar: \
