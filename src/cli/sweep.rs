@@ -263,10 +263,12 @@ impl<'a> SweepPlan<'a> {
         readers.map(|(name, _)| name.to_owned()).collect()
     }
 
-    /// Names an axis after the last step of a path, or as many steps as are needed for a free name.
+    /// Names an axis after the last step of a path, or as many steps as are needed for a free name that begins with a
+    /// letter: the index of an item says nothing alone.
     fn axis(&self, path: &[String]) -> String {
         let names = (1..=path.len()).map(|n| path[path.len() - n..].join("_"));
-        let mut free = names.filter(|name| !self.names.contains(name));
+        let is_word = |name: &String| name.starts_with(|first: char| first.is_alphabetic());
+        let mut free = names.filter(|name| is_word(name) && !self.names.contains(name));
         free.next()
             .unwrap_or_else(|| format!("{}_{}", path.join("_"), self.names.len()))
     }

@@ -1,6 +1,7 @@
 //! An electrode as polygons in mm, for manufacturing.
 
 use super::model::Scene;
+use super::sides::Sides;
 use deaflow_pattern::{Corners, Membrane, Part, Pattern, outlines, total_area};
 
 /// A point in mm, the origin at the lower left corner of the membrane.
@@ -54,6 +55,8 @@ pub struct Mask {
     pub opening: Islands,
     /// The rigid bodies.
     pub bodies: Islands,
+    /// What supports the sides, if not all are held.
+    pub sides: Option<Sides>,
 }
 
 impl Mask {
@@ -110,6 +113,7 @@ impl Mask {
             groups,
             opening: part(&|part| has_frame && part != Part::Frame),
             bodies: part(&|part| part.body().is_some()),
+            sides: scene.geometry.sides.clone(),
         }
     }
 

@@ -146,6 +146,9 @@ fn check_load(bar: &Bar, map: &Map<'_>) -> Result<(), InputError> {
     }
 }
 
+/// What can be written for a side.
+const ALLOWED: &str = "allowed: held, free, roller, { load: [FORCE, FORCE] }, { bar: … }";
+
 /// How a side is supported.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
 pub enum SideSupport {
@@ -209,6 +212,17 @@ impl SideSupport {
             Self::Load(load) => Some(load.map(|force| force.value())),
             _ => None,
         }
+    }
+
+    /// Returns the force on the side in N, and where it acts: mm from the middle, upwards or to the right; `None` if
+    /// there is none.
+    #[must_use]
+    pub fn force(&self) -> Option<([f64; 2], f64)> {
+        let (force, at) = match self {
+            Self::Bar(bar) => (bar.load_n(), bar.at_mm()),
+            other => (other.load_n()?, 0.0),
+        };
+        (force != [0.0; 2]).then_some((force, at))
     }
 }
 
@@ -278,7 +292,8 @@ impl Parameter for SideSupport {
                 (None, None) => unreachable!("one of them is given"),
             });
         }
-        Ok(match Plain::read(node, key, &())? {
+        let plain = Plain::read(node, key, &()).map_err(|error| error.help(ALLOWED))?;
+        Ok(match plain {
             Plain::Held => Self::Held,
             Plain::Free => Self::Free,
             Plain::Roller => Self::Roller,

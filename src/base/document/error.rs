@@ -72,8 +72,12 @@ pub fn nearest<'w>(word: &str, allowed: &[&'w str]) -> Option<&'w str> {
     let candidates = allowed.iter().filter(|candidate| short(word) && short(candidate));
     candidates
         .map(|candidate| (strsim::damerau_levenshtein(word, candidate), *candidate))
-        // The allowed distance grows with the length of the words.
-        .filter(|(distance, candidate)| *distance <= 1 + candidate.chars().count().max(word.chars().count()) / 3)
+        // The allowed distance grows with the length of the words; they have a letter in common.
+        .filter(|(distance, candidate)| {
+            let longest = candidate.chars().count().max(word.chars().count());
+            let is_similar = *distance < longest && *distance <= 1 + longest / 3;
+            is_similar || word.eq_ignore_ascii_case(candidate)
+        })
         .min_by_key(|(distance, _)| *distance)
         .map(|(_, candidate)| candidate)
 }

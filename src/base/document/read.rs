@@ -80,6 +80,9 @@ impl Node {
     pub fn list(&self, field: &str) -> Result<&[Node], InputError> {
         match &self.value {
             NodeValue::List(items) => Ok(items),
+            NodeValue::Text(item) | NodeValue::Number(item) => Err(self
+                .wrong_type(field, "a list")
+                .help(format!("a list of one item is written [{item}]"))),
             _ => Err(self.wrong_type(field, "a list")),
         }
     }

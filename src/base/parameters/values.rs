@@ -132,11 +132,12 @@ impl<T: Parameter> Parameter for [T; 2] {
     type Literal = [T::Literal; 2];
 
     fn read(node: &Node, key: &str, limits: &T::Limits) -> Result<Self, InputError> {
-        match node.list(key)? {
+        let example = || format!("for example {}", Self::example());
+        match node.list(key).map_err(|error| error.help(example()))? {
             [first, second] => Ok([T::read(first, key, limits)?, T::read(second, key, limits)?]),
             items => Err(node
                 .error(format!("`{key}` must have two values, found {}", items.len()))
-                .help(format!("for example [{0}, {0}]", T::example()))),
+                .help(example())),
         }
     }
 

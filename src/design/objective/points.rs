@@ -133,11 +133,11 @@ impl RigidMotion {
         let mut given = MOTIONS.into_iter().filter_map(|key| map.optional(key));
         match (given.next(), given.next()) {
             (None, _) => Err(map
-                .error("a body needs a `direction`, `translation` or `rotation`")
+                .error("a body or bar needs a `direction`, `translation` or `rotation`")
                 .help("add one of them")),
             (Some(_), Some(node)) => Err(node
-                .error("a body takes only one of `direction`, `translation` and `rotation`")
-                .help("remove one of them, or list the body in `points` once for each motion")),
+                .error("a body or bar takes only one of `direction`, `translation` and `rotation`")
+                .help("remove one of them, or list it in `points` once for each motion")),
             (Some(_), None) => Ok(()),
         }
     }

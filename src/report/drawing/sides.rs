@@ -40,7 +40,7 @@ pub fn draw(sides: &Sides, size: [f64; 2], to: impl Fn(Point) -> (f64, f64)) -> 
             }
         }
         @for (edge, side) in sides.iter() {
-            @if let Some((force, at_mm)) = load(side) {
+            @if let Some((force, at_mm)) = side.force() {
                 @let length = size[1 - edge.normal_axis()];
                 (arrow(along(edge, (0.5 + at_mm / length).clamp(0.0, 1.0)), force, edge.normal()))
             }
@@ -70,15 +70,6 @@ fn class(side: &SideSupport) -> &'static str {
         SideSupport::Free | SideSupport::Load(_) | SideSupport::Roller => "free",
         SideSupport::Bar(_) => "bar",
     }
-}
-
-/// The force on a side, and where it acts: mm from the middle.
-fn load(side: &SideSupport) -> Option<([f64; 2], f64)> {
-    let (force, at) = match side {
-        SideSupport::Bar(bar) => (bar.load_n(), bar.at_mm()),
-        other => (other.load_n()?, 0.0),
-    };
-    (force != [0.0; 2]).then_some((force, at))
 }
 
 /// Draws the arrow of a force within the membrane: it pulls with its tip at the side, or pushes from there.

@@ -1,6 +1,7 @@
 //! The drawing of an electrode mask, with notes on its size, scale and area.
 
 use super::{Drawing, Layer, Shape, number};
+use crate::drawing::described;
 use crate::format;
 use deaflow_base::software;
 use deaflow_scene::{Islands, Mask, Size};
@@ -66,6 +67,7 @@ fn mask_notes(mask: &Mask) -> Vec<String> {
             mask.holes()
         ),
     ];
+    notes.extend(mask.sides.as_ref().map(|sides| format!("sides: {}", described(sides))));
     if mask.rounded {
         notes.push(format!(
             "outline rounded: its area is {} mm^2, {:+.4} mm^2 compared with the cells",

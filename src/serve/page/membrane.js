@@ -258,10 +258,16 @@ export function drawMembrane(canvas, pattern, displacement, more) {
   if (more.sides) drawSides(canvas, context, more.sides, columns, rows, (x, y) => [px[y * (columns + 1) + x], py[y * (columns + 1) + x]]);
 }
 
-/** What supports each side: held, free, roller, load or bar. @typedef {Record<string, string>} Supports */
+/**
+ * What supports each side: held, free, roller, load or bar, and the force on it, at a share of its length.
+ * @typedef {Record<string, {support: string, load: {newtons: [number, number], at: number}|null}>} Supports
+ */
 
 /** What the lines of sides mean. */
-export const SIDES = "sides: thick grey is held, thin is free, circles are rollers, thick dark is a bar";
+export const SIDES = "sides: thick grey is held, thin is free, circles are rollers, thick dark is a bar, an arrow is a load";
+
+/** Length of the arrow of a load, as a share of the longer side of the picture. */
+const LOAD = 0.09;
 
 /**
  * Draws each side as what supports it.
@@ -269,7 +275,7 @@ export const SIDES = "sides: thick grey is held, thin is free, circles are rolle
  * @param {(x: number, y: number) => [number, number]} at the place of a corner of cells
  */
 function drawSides(canvas, context, sides, columns, rows, at) {
-  for (const [name, support] of Object.entries(sides)) {
+  for (const [name, { support }] of Object.entries(sides)) {
     const upright = name === "left" || name === "right";
     const cells = upright ? rows : columns;
     const end = name === "right" ? columns : name === "top" ? rows : 0;
@@ -288,6 +294,39 @@ function drawSides(canvas, context, sides, columns, rows, at) {
       context.stroke();
     }
   }
+  for (const [name, { load }] of Object.entries(sides)) {
+    if (!load) continue;
+    const upright = name === "left" || name === "right";
+    const place = Math.round(load.at * (upright ? rows : columns));
+    const end = name === "right" ? columns : name === "top" ? rows : 0;
+    const side = upright ? at(end, place) : at(place, end);
+    arrow(canvas, context, side, load.newtons, upright ? [end ? 1 : -1, 0] : [0, end ? 1 : -1]);
+  }
+}
+
+/**
+ * Draws the arrow of a force within the membrane: it pulls with its tip at the side, or pushes from there.
+ * @param {HTMLCanvasElement} canvas @param {CanvasRenderingContext2D} context @param {[number, number]} side @param {[number, number]} force
+ * @param {[number, number]} outwards
+ */
+function arrow(canvas, context, [x, y], [fx, fy], outwards) {
+  const length = LOAD * Math.max(canvas.width, canvas.height);
+  const size = Math.hypot(fx, fy);
+  const [dx, dy] = [(length * fx) / size, (-length * fy) / size];
+  const pulls = fx * outwards[0] + fy * outwards[1] >= 0;
+  const [tipX, tipY] = pulls ? [x, y] : [x + dx, y + dy];
+  context.strokeStyle = colour(canvas, "--ink");
+  context.fillStyle = context.strokeStyle;
+  context.lineWidth = 3;
+  context.beginPath();
+  context.moveTo(tipX - dx, tipY - dy);
+  context.lineTo(tipX - 0.2 * dx, tipY - 0.2 * dy);
+  context.stroke();
+  context.beginPath();
+  context.moveTo(tipX, tipY);
+  context.lineTo(tipX - 0.3 * dx - 0.12 * dy, tipY - 0.3 * dy + 0.12 * dx);
+  context.lineTo(tipX - 0.3 * dx + 0.12 * dy, tipY - 0.3 * dy - 0.12 * dx);
+  context.fill();
 }
 
 /** @param {HTMLCanvasElement} canvas @param {CanvasRenderingContext2D} context */

@@ -66,17 +66,23 @@ fn document(named: &NamedScene) -> Value {
         "auto": scene.auto,
         "effects": EFFECTS.iter().map(effect).collect::<Vec<_>>(),
         "parts": parts(scene),
-        "sides": scene.geometry.sides.as_ref().map(sides),
+        "sides": scene.geometry.sides.as_ref().map(|given| sides(scene, given)),
         "prices": prices([columns, rows]),
     })
 }
 
-/// Returns the support of each side by its name.
-fn sides(sides: &Sides) -> Value {
-    sides
-        .iter()
-        .map(|(edge, side)| (edge.name().to_owned(), json!(side.name())))
-        .collect()
+/// Returns the support of each side by its name; the place of a load is the share of the side from its lower or left
+/// end.
+fn sides(scene: &Scene, sides: &Sides) -> Value {
+    let size = scene.membrane().size_mm;
+    let each = sides.iter().map(|(edge, side)| {
+        let place = |at_mm: f64| (0.5 + at_mm / size[1 - edge.normal_axis()]).clamp(0.0, 1.0);
+        let load = side
+            .force()
+            .map(|(force, at_mm)| json!({ "newtons": force, "at": place(at_mm) }));
+        (edge.name().to_owned(), json!({ "support": side.name(), "load": load }))
+    });
+    each.collect()
 }
 
 /// Returns what is not membrane, row by row from below: 1 frame, 2 rigid body, else 0; `None` if all is membrane.
