@@ -55,7 +55,7 @@ pub use output_file::{
 };
 pub use parameters::{
     Angle, Charge, Current, Declared, Density, ElectricField, Force, Frequency, Length, Mass, Parameter, Resistance,
-    Seed, SpringRate, Stress, Time, Voltage,
+    Seed, SpringRate, Stress, Time, Voltage, Volume,
 };
 pub use plain_name::is_plain_name;
 pub use printable::{is_unprintable, printable, printable_json};

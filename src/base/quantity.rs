@@ -240,11 +240,13 @@ pub enum Dimension {
     Charge,
     /// An electric current, base unit A.
     Current,
+    /// A volume, base unit ml.
+    Volume,
 }
 
 impl Dimension {
     /// All dimensions.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::Number,
         Self::Length,
         Self::Voltage,
@@ -260,6 +262,7 @@ impl Dimension {
         Self::SpringRate,
         Self::Charge,
         Self::Current,
+        Self::Volume,
     ];
 
     /// The symbol of the base unit, which bare numbers and files have.
@@ -341,6 +344,7 @@ impl Dimension {
                 ("nC", -9),
                 ("pC", -12),
             ],
+            Self::Volume => &[("ml", 0), ("l", 3), ("ul", -3), ("mm3", -3), ("cm3", 0), ("m3", 6)],
             Self::Current => &[
                 ("A", 0),
                 ("mA", -3),
@@ -380,6 +384,7 @@ impl fmt::Display for Dimension {
             Self::SpringRate => "spring rate",
             Self::Charge => "charge",
             Self::Current => "current",
+            Self::Volume => "volume",
         })
     }
 }

@@ -4,6 +4,7 @@
 mod cells;
 mod equilibrium;
 mod history;
+mod inflation;
 mod modes;
 mod path;
 mod response;

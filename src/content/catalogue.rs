@@ -3,7 +3,7 @@
 use super::declared::Declared;
 use super::{
     Accuracy, ArtifactKind, Audit, Balanced, Calibration, Comparison, Designs, Evaluation, FittedScene,
-    FrequencyResponses, Histories, LoadPaths, Measurements, Samples, Solutions, SolveFile, Table, Training,
+    FrequencyResponses, Histories, Inflations, LoadPaths, Measurements, Samples, Solutions, SolveFile, Table, Training,
     Verification, Vibrations,
 };
 
@@ -48,6 +48,7 @@ pub fn catalogue() -> Vec<ContentOfKind> {
         ArtifactKind::Audit.name() => Audit,
         ArtifactKind::Table.name() => Table,
         "the file of `deaflow solve` and `deaflow predict`" => SolveFile,
+        "the file of `deaflow solve` under pressure" => Inflations,
         "the file of `deaflow solve --path`" => LoadPaths,
         "the file of `deaflow solve --history`" => Histories,
         "the file of `deaflow solve --modes`" => Vibrations,

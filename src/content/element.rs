@@ -219,6 +219,10 @@ impl<R: Row> Default for Packed<R> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct PerCell<T>(std::marker::PhantomData<T>);
 
+/// A value for each corner of cells, `[y][x]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PerCorner<T>(std::marker::PhantomData<T>);
+
 /// A value for each rigid body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PerBody<T>(std::marker::PhantomData<T>);
@@ -275,6 +279,8 @@ rows! {
     PerCell<f64>, f64, Cells, [];
     PerCell<[f64; 2]>, f64, Cells, [2];
     PerCell<[[f64; 2]; 2]>, f64, Cells, [2, 2];
+    PerCorner<f64>, f64, Corners, [];
+    PerCorner<[f64; 3]>, f64, Corners, [3];
     PerBody<f64>, f64, None, [];
     PerBody<[f64; 2]>, f64, None, [2];
     SingleField, f32, Corners, [2];

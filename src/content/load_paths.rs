@@ -68,6 +68,10 @@ arrays! {
         /// If not all sides are held, displacement of the first point from the mount, from which `displacement` and
         /// `max_displacement` count.
         rest: Option<Vec<Field>> = array("rest", "mm", [path, corner_y, corner_x, xy]),
+        /// Share of the membrane that is compressed and would wrinkle; not given if wrinkling is simulated.
+        wrinkled_fraction: Option<Vec<f64>> = array("wrinkled_fraction", "1", [point]),
+        /// Number of motions out of the plane in which the flat membrane is unstable: it wrinkles or buckles.
+        out_of_plane_unstable: Vec<u64> = array("out_of_plane_unstable", "1", [point]),
         /// The scene; where the voltage changes, its voltage is not used.
         scene: Scene = attribute("scene"),
     }

@@ -1,6 +1,6 @@
 //! The file of `deaflow solve --modes`. It is not an artifact and may contain NaN.
 
-use super::element::Packed;
+use super::element::{Packed, PerCorner};
 use super::macros::arrays;
 use super::samples::{CoveredCells, DrawnElectrodes};
 use deaflow_field::{Field, OutcomeKind};
@@ -26,6 +26,11 @@ arrays! {
         frequencies: Packed<f64> = array("frequencies", "Hz", [sample, mode]),
         /// Modes at the cell corners, scaled so that the largest displacement is 1.
         modes: Packed<Field> = array("modes", "1", [sample, mode, corner_y, corner_x, xy]),
+        /// Natural frequencies out of the plane, lowest first; 0 for motions in which the flat state is unstable.
+        out_of_plane_frequencies: Packed<f64> = array("out_of_plane_frequencies", "Hz", [sample, mode]),
+        /// Their displacements out of the plane at the cell corners, scaled so that the largest is 1.
+        out_of_plane_modes: Packed<PerCorner<f64>> =
+            array("out_of_plane_modes", "1", [sample, mode, corner_y, corner_x]),
         /// Processor time of the sample, the mean over its batch.
         solve_seconds: Vec<f64> = array("solve_seconds", "s", [sample]),
         /// The scene.

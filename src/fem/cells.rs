@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use deaflow_field::Simulation;
 use deaflow_pattern::Pattern;
 
-use super::observable::{CellState, Tension};
+use super::observable::{CellState, ROUNDING, Tension};
 use super::solver::{MembraneSolver, MeshSolution};
 
 impl MembraneSolver {
@@ -56,4 +56,19 @@ impl MembraneSolver {
 pub fn wrinkled_fraction(states: &[CellState]) -> f64 {
     let wrinkled = states.iter().filter(|state| state.tension != Tension::Taut).count();
     wrinkled as f64 / states.len() as f64
+}
+
+/// The compression above which flat membrane is counted as compressed, in units of the median of the larger principal
+/// stress. Free edges of strips in tension are under a smaller one, without any consequence.
+const COMPRESSED: f64 = 0.01;
+
+/// Returns the share of flat membrane of a shear modulus that is compressed, and would wrinkle or become slack.
+#[must_use]
+pub(super) fn compressed_fraction(states: &[CellState], modulus_pa: f64) -> f64 {
+    let mut largest: Vec<f64> = states.iter().map(|state| state.stresses[0]).collect();
+    largest.sort_by(f64::total_cmp);
+    let median = largest.get(largest.len() / 2).map_or(0.0, |median| median.abs());
+    let bound = f64::max(COMPRESSED * median, ROUNDING * modulus_pa);
+    let compressed = states.iter().filter(|state| state.stresses[1] < -bound).count();
+    compressed as f64 / states.len() as f64
 }

@@ -14,6 +14,8 @@ pub trait Element<const N: usize> {
     const WEIGHTS: [f64; N];
     /// Returns the integrals of the products of two basis functions.
     fn masses() -> [[f64; N]; N];
+    /// Returns the basis functions at the points, `[point][node]`.
+    fn values() -> [[f64; N]; N];
     /// Returns ∇u at each point from the nodal values of both components.
     #[inline(always)]
     fn gradients<V: Value>(nodal: &[[V; N]; 2]) -> [Tensor<V>; N] {
@@ -59,6 +61,10 @@ impl Element<4> for Bilinear {
 
     fn masses() -> [[f64; 4]; 4] {
         products(&Line::LINEAR)
+    }
+
+    fn values() -> [[f64; 4]; 4] {
+        values(&Line::LINEAR)
     }
 
     #[inline(always)]
@@ -171,6 +177,10 @@ impl Element<9> for Biquadratic {
         products(&Line::QUADRATIC)
     }
 
+    fn values() -> [[f64; 9]; 9] {
+        values(&Line::QUADRATIC)
+    }
+
     #[inline(always)]
     fn write_gradients<V: Value>(nodal: &[[V; 9]; 2], gradients: &mut [Tensor<V>; 9]) {
         biquadratic_gradients(nodal, [1.0; 2], None, gradients);
@@ -218,6 +228,12 @@ impl Element<9> for Biquadratic {
         }
         forces
     }
+}
+
+/// Returns the functions at the points, which are products of those of a line.
+fn values<const A: usize, const N: usize>(line: &Line<A>) -> [[f64; N]; N] {
+    let value = |q: usize, node: usize| line.values[q % A][node % A] * line.values[q / A][node / A];
+    std::array::from_fn(|q| std::array::from_fn(|node| value(q, node)))
 }
 
 /// Returns the integrals of the products of two functions, which are products of those of a line.

@@ -161,6 +161,21 @@ pub enum SetupError {
         /// The incompatible setting.
         with: &'static str,
     },
+    /// A pressure with an incompatible setting.
+    #[error("`loads` with a pressure or a volume are not simulated with {with}")]
+    Pressure {
+        /// The incompatible setting.
+        with: &'static str,
+    },
+    /// A pressure where only motion in the plane is simulated.
+    #[error("a pressure or volume is simulated by `deaflow solve` alone: remove `loads`")]
+    UnderPressure,
+    /// A pressure is needed.
+    #[error("the scene has no pressure and no volume: add `loads: {{ pressure: 500 Pa }}`")]
+    NoPressure,
+    /// Memory is short.
+    #[error("not enough memory")]
+    Memory,
     /// Inertia without density.
     #[error("inertia needs a density: add `density` to `properties`")]
     Density,
@@ -226,6 +241,9 @@ impl SetupError {
                 | Self::NoLoads
                 | Self::NoDisplacements
                 | Self::ChargedPath
+                | Self::Pressure { .. }
+                | Self::UnderPressure
+                | Self::NoPressure
         )
     }
 }

@@ -506,13 +506,22 @@ impl Grid {
     /// matrix.
     #[must_use]
     pub fn mass_of<E: Element<N>, const N: usize>(&self, element: [usize; 2]) -> (f64, [[f64; N]; N]) {
-        let Some((_, mapped)) = self.mapped(element) else {
+        if self.mapped(element).is_none() {
             return (self.sides(element).iter().product(), E::masses());
-        };
+        }
         let areas = self.areas_of(element, E::WEIGHTS);
-        let values: [[f64; N]; N] = mapped.values_at_points(E::DEGREE);
+        let values = self.values_of::<E, N>(element);
         let mass = |a: usize, b: usize| (0..N).map(|q| areas[q] * values[q][a] * values[q][b]).sum();
         (1.0, std::array::from_fn(|a| std::array::from_fn(|b| mass(a, b))))
+    }
+
+    /// Returns the basis functions at the points of an element (column, row), `[point][node]`.
+    #[must_use]
+    pub fn values_of<E: Element<N>, const N: usize>(&self, element: [usize; 2]) -> [[f64; N]; N] {
+        match self.mapped(element) {
+            Some((_, mapped)) => mapped.values_at_points(E::DEGREE),
+            None => E::values(),
+        }
     }
 
     /// Returns the nodal forces of the stresses at the points of an element (column, row).

@@ -52,6 +52,7 @@ mod modes;
 mod newton;
 mod observable;
 pub mod operator;
+mod out_of_plane;
 mod path;
 mod points;
 mod powers;
@@ -90,6 +91,7 @@ pub use laminates::check_covered_cells;
 pub use limit::CriticalSearch;
 pub use margin::StabilityReport;
 pub use observable::{CellState, Tension, cell_states};
+pub use out_of_plane::{Inflated, InflationOutcome, InflationSolver};
 pub use path::{EventKind, LoadPath, NoPath, PathEnd, PathEvent, PathParameter, PathPoint, PathSolver, SideState};
 pub use points::Weights;
 pub use response::{Estimator, LinearResponse};
@@ -98,8 +100,8 @@ pub use simulators::SceneSimulators;
 pub use solver::{MembraneSolver, MeshSolution, SolveOptions};
 pub use time::{
     AccurateHistory, AtFrequency, FrequencyResponse, FrequencySolver, History, HistoryOptions, HistoryRequest,
-    HistorySolver, Instant, MOST_MODES, StepEstimate, StepEstimates, Swing, ThreeSolves, USUAL_TIME_ERROR, Vibration,
-    at_bias, at_peak, creep_settings, history_check,
+    HistorySolver, Instant, MOST_MODES, StepEstimate, StepEstimates, Swing, ThreeSolves, Transverse, USUAL_TIME_ERROR,
+    Vibration, at_bias, at_peak, creep_settings, history_check,
 };
 pub use work::{DEFAULT_SECONDS, WorkLimit};
 

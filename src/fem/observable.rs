@@ -74,29 +74,33 @@ pub(super) fn states(scene: &Scene, model: &Model, grid: &Grid, pattern: &Patter
         pattern,
         loads: model.loads(),
         activity: &activity,
+        share: 1.0,
         u,
     })
 }
 
-struct States<'a> {
-    scene: &'a Scene,
-    pattern: &'a Pattern,
-    loads: &'a [f64],
-    activity: &'a Activity,
-    u: &'a [f64],
+/// The states of cells at nodal displacements.
+pub(super) struct States<'a> {
+    pub scene: &'a Scene,
+    pub pattern: &'a Pattern,
+    pub loads: &'a [f64],
+    pub activity: &'a Activity,
+    /// Share of the full electrical load, which is proportional to V².
+    pub share: f64,
+    pub u: &'a [f64],
 }
 
 impl WithMaterial for States<'_> {
     type Output = Vec<CellState>;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Vec<CellState> {
-        let (material, grid) = (material(1.0), self.activity.grid());
+        let (material, grid) = (material(self.share), self.activity.grid());
         let (raster, integrals) = (grid.raster(), [0, 1].map(|axis| along_side(grid, axis)));
         // Parsed once, because scene values are stored as text.
         let scale = Scale {
             prestretch: self.scene.mean_prestretch(),
             modulus: self.scene.shear_modulus_pa(),
-            voltage: self.scene.voltage_v(),
+            voltage: self.share.sqrt() * self.scene.voltage_v(),
             thickness: 1e-3 * self.scene.thickness_mm(),
         };
         let cells = match grid.order() {
@@ -133,7 +137,7 @@ impl WithMaterial for States<'_> {
 }
 
 /// Compression below this, in units of the shear modulus, is rounding.
-const ROUNDING: f64 = 1e-9;
+pub(super) const ROUNDING: f64 = 1e-9;
 
 /// Constants of all cells.
 struct Scale {

@@ -97,6 +97,22 @@ impl Sparsity {
     }
 }
 
+/// Returns the product of a symmetric matrix, given by its entries on and below the diagonal, and a vector.
+#[must_use]
+pub fn symmetric_product(matrix: &SparseColMat<usize, f64>, vector: &[f64]) -> Vec<f64> {
+    let mut product = vec![0.0; vector.len()];
+    for column in 0..matrix.ncols() {
+        let entries = matrix.row_idx_of_col(column).zip(matrix.val_of_col(column));
+        for (row, value) in entries {
+            product[row] += value * vector[column];
+            if row != column {
+                product[column] += value * vector[row];
+            }
+        }
+    }
+    product
+}
+
 /// An order of elimination of an indefinite symmetric matrix.
 pub struct IndefiniteOrder {
     matrix: SymbolicSparseColMat<usize>,

@@ -24,6 +24,9 @@ impl Scene {
         if !self.states.is_empty() {
             sections.push(("states", self.states.canonical()));
         }
+        if let Some(loads) = &self.loads {
+            sections.push(("loads", loads.to_canonical()));
+        }
         if let Some(leads) = self.leads.as_ref().and_then(Leads::canonical) {
             sections.push(("leads", leads));
         }

@@ -10,6 +10,7 @@ pub mod effects;
 mod geometry;
 mod leads;
 mod library;
+mod loads;
 mod mask;
 mod model;
 mod named_files;
@@ -33,6 +34,7 @@ pub use effects::{
 pub use geometry::{Body, Both, Curves, Frame, Geometry, MOST_BODIES};
 pub use leads::{Edge, Leads, Unreached};
 pub use library::splice_material;
+pub use loads::{Loads, Pressurised};
 pub use mask::{Islands, Mask, Point, Size};
 pub use model::{ElasticModel, Material, Scene, VACUUM_PERMITTIVITY};
 pub use named_files::{material_file, scene_files};

@@ -7,6 +7,7 @@ use super::drive::{Drive, States, UnknownState, Voltages};
 use super::effects::{Breakdown, Effects, On, Properties};
 use super::geometry::{Body, Geometry};
 use super::leads::Leads;
+use super::loads::Loads;
 use super::sides::Sides;
 use super::waveform::Waveform;
 use deaflow_base::{Decimal, Stress, Voltage, parameters, words};
@@ -46,6 +47,8 @@ pub struct Scene {
     pub drive: Drive,
     /// The voltages of the states, if there are several.
     pub states: States,
+    /// What moves the membrane out of its plane.
+    pub loads: Option<Loads>,
     /// Where the electrodes are wired, if known.
     pub leads: Option<Leads>,
     /// The effects beyond the base model that are simulated.
@@ -63,11 +66,12 @@ pub struct Scene {
 pub(super) const WHAT: &str = "the scene";
 
 /// The sections of a scene.
-pub(super) const SECTIONS: [&str; 7] = [
+pub(super) const SECTIONS: [&str; 8] = [
     "geometry",
     "material",
     "drive",
     "states",
+    "loads",
     "leads",
     "effects",
     "properties",
@@ -104,6 +108,7 @@ impl Scene {
             },
             drive: Drive::one(Voltage::from_f64(voltage).expect(finite)),
             states: States::default(),
+            loads: None,
             leads: None,
             effects: Effects::default(),
             auto: false,

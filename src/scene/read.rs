@@ -8,6 +8,7 @@ use super::effects::{AUTO, Effects, On, Properties, names, switched_on};
 use super::geometry::Geometry;
 use super::leads::Leads;
 use super::library::{self, refuse_file, splice_material};
+use super::loads::Loads;
 use super::model::{Material, SECTIONS, Scene, VACUUM_PERMITTIVITY, WHAT};
 use super::shape::Shape;
 use super::sides::SideSupport;
@@ -89,11 +90,16 @@ impl Scene {
             }
             None => None,
         };
+        let loads = map
+            .optional("loads")
+            .map(|node| Loads::read_with(node, &[]))
+            .transpose()?;
         let scene = Self {
             geometry,
             material,
             drive,
             states,
+            loads,
             leads,
             effects,
             auto,
@@ -146,6 +152,7 @@ impl Scene {
                 ),
             )
             .at_least_one(&["drive", "states"])
+            .optional("loads", Loads::schema(&()))
             .optional("leads", Leads::schema(&()))
             .optional("effects", effects.default(serde_json::json!({})))
             .optional("properties", Properties::schema(&()));

@@ -5,6 +5,7 @@ use miette::Diagnostic;
 use deaflow_base::{Canonical, Fields, InputError, Node, Schema};
 use deaflow_content::StoredAttribute;
 use deaflow_dataset::Device;
+use deaflow_fem::SetupError;
 use deaflow_fem::effects::Model;
 use deaflow_orchestrator::{StageError, axes_in};
 use deaflow_scene::{Difference, Outline, Scene, States, material_file, splice_material};
@@ -39,7 +40,7 @@ pub fn read(node: &Node) -> Result<Scene, InputError> {
     if scene.auto {
         effects.strain_stiffening = scene.properties.strain_stiffening.clone();
     }
-    let decided = scene.with_effects(effects);
+    let decided = scene.with_effects(effects).without_pressure();
     let states = decided.in_states();
     match states.iter().find_map(|(_, scene)| Model::new(scene).err()) {
         None => Ok(scene),
@@ -57,7 +58,15 @@ pub fn read_all_states(stage: &Node, scene: Option<&Node>) -> Result<Scene, Inpu
             .error("this stage needs a scene, but the pipeline has none")
             .help("add `scene: FILE` or an inline mapping")
     };
-    read(scene.ok_or_else(missing)?)
+    let node = scene.ok_or_else(missing)?;
+    let read = read(node)?;
+    match read.pressurised() {
+        None => Ok(read),
+        Some(_) => Err(node
+            .peek("loads")
+            .unwrap_or(node)
+            .error(SetupError::UnderPressure.to_string())),
+    }
 }
 
 /// Reads the scene of a stage in the state that the stage names.

@@ -63,6 +63,11 @@ fn the_page_on_sides_is_true() {
 }
 
 #[test]
+fn the_page_on_motion_out_of_the_plane_is_true() {
+    run("docs/out-of-plane.md");
+}
+
+#[test]
 fn the_page_on_fitting_is_true() {
     run("docs/fit.md");
 }

@@ -44,6 +44,7 @@ mod measure;
 mod measured;
 mod model;
 mod moved;
+mod out_of_plane;
 mod outputs;
 mod pty;
 mod python;

@@ -38,7 +38,7 @@ mod values;
 
 pub use quantities::{
     Angle, Charge, Current, Density, ElectricField, Force, Frequency, Length, Mass, Resistance, Seed, SpringRate,
-    Stress, Time, Voltage,
+    Stress, Time, Voltage, Volume,
 };
 
 use super::canonical::Canonical;

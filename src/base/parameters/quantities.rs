@@ -101,6 +101,8 @@ quantities! {
     Charge: Charge,
     /// An electric current, base unit A.
     Current: Current,
+    /// A volume, base unit ml.
+    Volume: Volume,
 }
 
 /// The seed of the random numbers of a stage.

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::simulation::{Form, PatternSolver, Simulation, States};
-use super::{SolveArguments, cells};
+use super::{SolveArguments, cells, inflation};
 use crate::job::{JobResult, seconds_each};
 use crate::point::Probe;
 use crate::results::{AccuracyResult, CriticalBracket, Peak, SampleId, SampleResult, document, remarks, text};
@@ -56,6 +56,9 @@ const FORM: Form = Form {
 /// When the scene or a pattern cannot be used, or the file cannot be written.
 pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliError> {
     let simulation = Simulation::read(arguments, &FORM)?;
+    if simulation.scene.pressurised().is_some() {
+        return inflation::execute(simulation, output);
+    }
     let scene = &simulation.scene;
     if let Some(faint) = stage::weak_drive_warning(&scene.at_largest_voltages()) {
         output.warn(faint);

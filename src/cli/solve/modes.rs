@@ -16,10 +16,6 @@ use deaflow_fem::screening::resolve;
 use deaflow_fem::{MOST_MODES, MembraneSolver, SetupError, Vibration};
 use deaflow_scene::Scene;
 
-/// The warning about modes out of the plane, the lowest of which are about as low as those in it.
-pub const OUT_OF_PLANE: &str =
-    "vibration out of the plane is not simulated; it begins at about the lowest natural frequency of a flat membrane";
-
 #[derive(Clone, Debug, Args)]
 pub struct ModesArguments {
     /// Find the K lowest natural frequencies of each pattern about its equilibrium, with their modes; needs a density
@@ -72,7 +68,7 @@ pub fn execute(arguments: &SolveArguments, count: u64, output: &Output) -> Resul
         arrays: content(&simulation, &scene, count as usize, &found, seconds).object(),
         parameters: simulation.parameters(&format!(", {count} modes{lumped}")),
         attachments: None,
-        warnings: warnings(&scene),
+        warnings: warnings(&scene, &found),
         document: json!({
             "vibrations": found.iter().enumerate().map(document).collect::<Vec<_>>(),
             "unstable": unstable,
@@ -83,12 +79,23 @@ pub fn execute(arguments: &SolveArguments, count: u64, output: &Output) -> Resul
     simulation.finish(result, output)
 }
 
-fn warnings(scene: &Scene) -> Vec<String> {
+fn warnings(scene: &Scene, found: &[Vibration]) -> Vec<String> {
     let relaxed = scene.effects.viscoelasticity.as_ref().map(|_| {
         "modes are those of the relaxed membrane: viscoelastic branches that relax more slowly than a period stiffen \
          it, as --response shows"
+            .to_owned()
     });
-    [OUT_OF_PLANE].into_iter().chain(relaxed).map(str::to_owned).collect()
+    let buckled = found.iter().enumerate().filter_map(|(index, one)| {
+        let motions = match one.out_of_plane.unstable {
+            0 => return None,
+            1 => "1 motion".to_owned(),
+            many => format!("{many} motions"),
+        };
+        Some(format!(
+            "pattern {index}: the flat membrane is unstable in {motions} out of the plane: it wrinkles or buckles"
+        ))
+    });
+    relaxed.into_iter().chain(buckled).collect()
 }
 
 fn content(
@@ -98,9 +105,10 @@ fn content(
     found: &[Vibration],
     solve_seconds: Vec<f64>,
 ) -> Vibrations {
-    let row = 2 * scene.membrane().raster.corners();
-    let missing = |rows: usize| std::iter::repeat_n(f64::NAN, rows * row);
+    let corners = scene.membrane().raster.corners();
+    let missing = |rows: usize| std::iter::repeat_n(f64::NAN, 2 * rows * corners);
     let [mut displacement, mut modes, mut frequencies] = [(); 3].map(|()| Vec::<f64>::new());
+    let [mut heights, mut out_of_plane] = [(); 2].map(|()| Vec::<f64>::new());
     for one in found {
         match &one.equilibrium {
             Some(field) => displacement.extend_from_slice(field.values()),
@@ -110,6 +118,13 @@ fn content(
         frequencies.extend(known.chain(std::iter::repeat(f64::NAN)).take(count));
         modes.extend(one.modes.iter().flat_map(|mode| mode.values()));
         modes.extend(missing(count - one.modes.len()));
+        let known = one.out_of_plane.frequencies.iter().copied();
+        out_of_plane.extend(known.chain(std::iter::repeat(f64::NAN)).take(count));
+        heights.extend(one.out_of_plane.modes.iter().flatten());
+        heights.extend(std::iter::repeat_n(
+            f64::NAN,
+            (count - one.out_of_plane.modes.len()) * corners,
+        ));
     }
     Vibrations {
         patterns: simulation.patterns.clone(),
@@ -120,6 +135,8 @@ fn content(
         mode: (1..=count as u64).collect(),
         frequencies: Packed(frequencies),
         modes: Packed(modes),
+        out_of_plane_frequencies: Packed(out_of_plane),
+        out_of_plane_modes: Packed(heights),
         solve_seconds,
         scene: scene.clone(),
         solver: simulation.solver(),
@@ -132,24 +149,32 @@ fn overview(found: &[Vibration], count: usize) -> table::Table {
     const SHOWN: usize = 6;
     let shown = count.min(SHOWN);
     let names: Vec<String> = (1..=shown).map(|mode| format!("f{mode}")).collect();
-    let header: Vec<&str> = ["pattern", "outcome"]
+    let header: Vec<&str> = ["pattern", "outcome", "motion"]
         .into_iter()
         .chain(names.iter().map(String::as_str))
         .collect();
-    let last: Vec<&str> = header[2..].iter().rev().copied().collect();
-    let mut table = table::table(&header, &header[2..]).dispensable(&last);
+    let last: Vec<&str> = header[3..].iter().rev().copied().collect();
+    let mut table = table::table(&header, &header[3..]).dispensable(&last);
     for (index, one) in found.iter().enumerate() {
-        let hertz = one
-            .frequencies
-            .iter()
-            .map(|hertz| format!("{} Hz", four_digits(*hertz)));
-        let hertz = hertz.chain(std::iter::repeat("-".to_owned())).take(shown);
-        let row = [index.to_string(), one.outcome.to_string()];
-        table.add_row(row.into_iter().chain(hertz).collect::<Vec<_>>());
+        for (motion, frequencies) in [
+            ("in the plane", &one.frequencies),
+            ("out of the plane", &one.out_of_plane.frequencies),
+        ] {
+            let hertz = frequencies.iter().map(|hertz| format!("{} Hz", four_digits(*hertz)));
+            let hertz = hertz.chain(std::iter::repeat("-".to_owned())).take(shown);
+            let row = [index.to_string(), one.outcome.to_string(), motion.to_owned()];
+            table.add_row(row.into_iter().chain(hertz).collect::<Vec<_>>());
+        }
     }
     table
 }
 
 fn document((index, one): (usize, &Vibration)) -> Value {
-    json!({ "index": index, "outcome": one.outcome.name(), "frequencies": one.frequencies })
+    json!({
+        "index": index,
+        "outcome": one.outcome.name(),
+        "frequencies": one.frequencies,
+        "out_of_plane_frequencies": one.out_of_plane.frequencies,
+        "out_of_plane_unstable": one.out_of_plane.unstable,
+    })
 }

@@ -78,7 +78,11 @@ pub fn execute(arguments: &SolveArguments, parameter: PathParameter, output: &Ou
             table: points_table(&paths, &controlled)?,
             draw: Box::new(move |figure| paths_sheet(&branches, &axes)?.write_png(figure)),
         }),
-        warnings: Vec::new(),
+        warnings: paths
+            .iter()
+            .enumerate()
+            .filter_map(|path| controlled.buckling(path))
+            .collect(),
         document: json!({
             "parameter": parameter.name(),
             "paths": paths.iter().map(|path| document(path, &controlled)).collect::<Vec<_>>(),
@@ -207,6 +211,27 @@ impl Controlled {
         }
     }
 
+    /// Warns of a flat membrane that would not stay flat on the stable part of a path.
+    fn buckling(&self, (index, PatternPath { path, .. }): (usize, &PatternPath)) -> Option<String> {
+        let limit = path.flat_limit?;
+        let from = match self.parameter {
+            PathParameter::Voltage => format!("{} V", four_digits(limit.voltage)),
+            _ => self.text(limit.share),
+        };
+        let stable = path.points.iter().take_while(|point| point.stable);
+        let most = stable.filter_map(|point| point.compressed).fold(0.0, f64::max);
+        let compressed = match most > 0.0 {
+            true => format!(
+                "; up to {:.0} % of it is compressed: simulate `wrinkling`",
+                100.0 * most
+            ),
+            false => String::new(),
+        };
+        Some(format!(
+            "pattern {index}: from {from} on the flat membrane wrinkles or buckles out of its plane{compressed}"
+        ))
+    }
+
     /// Returns the curve of a path in the figure.
     fn branch(&self, (index, PatternPath { path, critical }): (usize, &PatternPath)) -> Branch {
         let limit = path.limit().and_then(|limit| {
@@ -279,11 +304,15 @@ fn document(PatternPath { path, critical }: &PatternPath, controlled: &Controlle
             "max_displacement": p.max_displacement,
             "displacement": p.displacement,
             "smallest_eigenvalue": p.smallest_eigenvalue,
+            "out_of_plane_unstable": p.out_of_plane_unstable,
             "negative_eigenvalues": p.negative_eigenvalues,
             "stable": p.stable,
         });
         if controlled.parameter != PathParameter::Voltage {
             point["share"] = json!(p.share);
+        }
+        if let Some(fraction) = p.compressed {
+            point["wrinkled_fraction"] = json!(fraction);
         }
         if let Some(sides) = &p.sides {
             extend(&mut point, of_sides(sides, controlled));
@@ -318,7 +347,11 @@ fn document(PatternPath { path, critical }: &PatternPath, controlled: &Controlle
             "meshes": meshes,
         })
     });
+    let out_of_plane = path
+        .flat_limit
+        .map(|limit| json!({ "voltage": limit.voltage, "share": limit.share, "point": limit.point }));
     json!({
+        "out_of_plane": out_of_plane,
         "limit": with_error.or_else(|| path.limit().as_ref().and_then(on_this_mesh)),
         "watched_corner": path.watched,
         "points": points.collect::<Vec<_>>(),
@@ -398,6 +431,8 @@ fn load_paths(patterns: &[Pattern], followed: &[PatternPath], scene: Scene) -> L
         bar_rotation: (!bars.is_empty()).then(|| rotations(&bars)),
         reaction: has_sides.then(|| Packed(sides().flat_map(|side| side.reactions).flatten().collect())),
         rest: paths.iter().map(|path| path.rest.clone()).collect(),
+        wrinkled_fraction: points().map(|p| p.compressed).collect(),
+        out_of_plane_unstable: points().map(|p| p.out_of_plane_unstable as u64).collect(),
         scene,
     }
 }
@@ -441,6 +476,11 @@ fn points_table(paths: &[PatternPath], controlled: &Controlled) -> Result<String
                 .flat_map(|edge| ["x_N", "y_N"].map(|what| format!("reaction_{}_{what}", edge.name()))),
         );
     }
+    let mut points = paths.iter().flat_map(|one| &one.path.points);
+    if points.any(|point| point.compressed.is_some()) {
+        header.push("wrinkled_fraction".to_owned());
+    }
+    header.push("out_of_plane_unstable".to_owned());
     let rows = paths.iter().enumerate().flat_map(|(index, PatternPath { path, .. })| {
         path.points.iter().enumerate().map(move |(row, point)| {
             let event = path.events.iter().find(|event| event.point == row);
@@ -465,6 +505,8 @@ fn points_table(paths: &[PatternPath], controlled: &Controlled) -> Result<String
                 let numbers = bars.chain(sides.reactions.into_iter().flatten());
                 row.extend(numbers.map(|value| value.to_string()));
             }
+            row.extend(point.compressed.map(|share| share.to_string()));
+            row.push(point.out_of_plane_unstable.to_string());
             row
         })
     });

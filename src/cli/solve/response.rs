@@ -5,7 +5,6 @@ use serde_json::{Value, json};
 
 use super::SolveArguments;
 use super::history::TIME;
-use super::modes::OUT_OF_PLANE;
 use super::simulation::{Form, PatternSolver, Simulation, States};
 use crate::arguments::{integer, quantity};
 use crate::job::{Attachments, JobResult};
@@ -84,6 +83,10 @@ impl FrequencyRange {
         std::iter::once(first).chain(inner).chain([last]).collect()
     }
 }
+
+/// The voltage drives a flat membrane in its plane only.
+const OUT_OF_PLANE: &str = "the response is that in the plane; `--modes` lists natural frequencies out of the plane, \
+                            which sound or a shaker excites";
 
 const FORM: Form = Form {
     name: "response",

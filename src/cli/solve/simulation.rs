@@ -119,9 +119,11 @@ impl<'a> Simulation<'a> {
         } = arguments.patterns.read(scene.form(), arguments.edges)?;
         let notes = of_scene.into_iter().chain(notes).collect();
         check_leads(scene.leads.as_ref(), &patterns)?;
-        decisions::decide(&scene)?;
+        // Effects are those of the flat membrane.
+        let flat = scene.without_pressure();
+        decisions::decide(&flat)?;
         if patterns.iter().any(|pattern| pattern.coverage().is_some()) {
-            check_covered_cells(&resolve(&scene)?)?;
+            check_covered_cells(&resolve(&flat)?)?;
             arguments.parameters().check_covered_cells()?;
             if let Some(with) = form.without_covered_cells {
                 return Err(SetupError::Coverage { with }.into());

@@ -75,6 +75,9 @@ impl Model {
     /// # Errors
     /// As [`Model::new`].
     pub fn with_law(scene: &Scene, law: Option<&dyn StiffeningLaw>) -> Result<Self, SetupError> {
+        if scene.pressurised().is_some() {
+            return Err(SetupError::UnderPressure);
+        }
         let effects = &scene.effects;
         let prestretch = scene.mean_prestretch();
         let stiffened = |law: &dyn StiffeningLaw| Stiffened::new(&law.form(scene.shear_modulus_pa()), prestretch);

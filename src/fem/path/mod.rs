@@ -8,15 +8,20 @@
 pub(super) mod curve;
 pub(super) mod trace;
 
+use std::cell::RefCell;
+
 use deaflow_field::{Field, Motion};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
+use super::cells::compressed_fraction;
 use super::effects::WithMaterial;
 use super::error::SetupError;
 use super::layout::SIDES;
 use super::material::Material;
-use super::operator::Activity;
+use super::observable::States;
+use super::operator::{Activity, Operator};
+use super::out_of_plane::FlatStability;
 use super::reactions::SideForces;
 use super::solver::{MembraneSolver, SolveOptions};
 
@@ -84,10 +89,12 @@ pub enum EventKind {
     NotElliptic,
     /// A membrane that can wrinkle has lost all tension at a point.
     Slack,
+    /// The flat membrane is unstable against motions out of its plane: it wrinkles or buckles.
+    OutOfPlane,
 }
 
 impl EventKind {
-    /// Returns the word used in files: `fold`, `bifurcation`, `not-elliptic`, `slack`.
+    /// Returns the word used in files: `fold`, `bifurcation`, `not-elliptic`, `slack`, `out-of-plane`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -95,6 +102,7 @@ impl EventKind {
             Self::Bifurcation => "bifurcation",
             Self::NotElliptic => "not-elliptic",
             Self::Slack => "slack",
+            Self::OutOfPlane => "out-of-plane",
         }
     }
 }
@@ -157,6 +165,10 @@ pub struct PathPoint {
     pub negative_eigenvalues: usize,
     /// Whether the state is stable: no negative eigenvalue, and elliptic everywhere.
     pub stable: bool,
+    /// Share of the membrane that is compressed and would wrinkle; `None` if wrinkling is simulated.
+    pub compressed: Option<f64>,
+    /// In how many motions out of the plane the flat membrane is unstable: it wrinkles or buckles.
+    pub out_of_plane_unstable: usize,
 }
 
 /// What sides do in a state.
@@ -198,6 +210,8 @@ pub struct LoadPath {
     pub limit_field: Field,
     /// Displacement of the first point from the mount, if not all sides are held.
     pub rest: Option<Field>,
+    /// Where the flat membrane begins to wrinkle or buckle out of its plane on the stable part, if it does.
+    pub flat_limit: Option<PathEvent>,
 }
 
 impl LoadPath {
@@ -299,6 +313,13 @@ struct Follow<'a> {
     start: Option<Vec<f64>>,
 }
 
+/// What is found of a state beside its stability in the plane.
+struct Checks {
+    reactions: Option<[[f64; 2]; SIDES]>,
+    compressed: Option<f64>,
+    out_of_plane: usize,
+}
+
 /// Data kept of a state: displacements of points are added when all are known.
 type Kept = (PathPoint, Field);
 
@@ -311,7 +332,7 @@ impl Follow<'_> {
         }
     }
 
-    fn keep(&self, state: PathState, reactions: Option<[[f64; 2]; SIDES]>) -> Kept {
+    fn keep(&self, state: PathState, checks: Checks) -> Kept {
         let grid = &self.solver.grid;
         let (voltage, share) = self.at(state.share);
         let point = PathPoint {
@@ -319,18 +340,20 @@ impl Follow<'_> {
             share,
             max_displacement: 0.0,
             displacement: 0.0,
-            sides: reactions.map(|reactions| SideState {
+            sides: checks.reactions.map(|reactions| SideState {
                 bars: grid.bar_motions(&state.u).unwrap_or_default(),
                 reactions,
             }),
             smallest_eigenvalue: state.eigenvalue,
             negative_eigenvalues: state.negative,
             stable: state.stable,
+            compressed: checks.compressed,
+            out_of_plane_unstable: checks.out_of_plane,
         };
         (point, grid.sample(&state.u))
     }
 
-    fn finish(&self, trace: Trace<Kept>) -> Option<LoadPath> {
+    fn finish(&self, trace: Trace<Kept>, flat_limit: Option<FlatLimit>) -> Option<LoadPath> {
         let event = |event: &trace::TraceEvent| {
             let (voltage, share) = self.at(event.share);
             PathEvent {
@@ -369,7 +392,73 @@ impl Follow<'_> {
             watched,
             limit_field,
             rest,
+            flat_limit: flat_limit.map(|limit| {
+                let (voltage, share) = self.at(limit.share);
+                PathEvent {
+                    kind: EventKind::OutOfPlane,
+                    voltage,
+                    share,
+                    point: limit.state,
+                }
+            }),
         })
+    }
+}
+
+/// Where the flat membrane begins to be unstable out of its plane: a share of what changes, and the state before it.
+#[derive(Clone, Copy)]
+struct FlatLimit {
+    share: f64,
+    state: usize,
+}
+
+/// Follows the stability of states out of the plane.
+struct FlatWatch {
+    stability: FlatStability,
+    /// Number of states, and the last one while all were stable.
+    states: usize,
+    stable: Option<(Vec<f64>, f64)>,
+    limit: Option<FlatLimit>,
+    is_over: bool,
+}
+
+/// Halvings of the step in which the flat membrane loses its stability.
+const HALVINGS: u32 = 12;
+
+impl FlatWatch {
+    /// Adds a state; `unstable` counts the motions in which a state at a share is unstable.
+    fn add(&mut self, state: &PathState, unstable: impl Fn(&FlatStability, &[f64], f64) -> usize) -> usize {
+        let count = unstable(&self.stability, &state.u, state.share);
+        self.is_over |= !state.stable;
+        if !self.is_over && self.limit.is_none() {
+            if count > 0 {
+                self.limit = Some(FlatLimit {
+                    share: self.between(state, &unstable),
+                    state: self.states.saturating_sub(1),
+                });
+            } else {
+                self.stable = Some((state.u.clone(), state.share));
+            }
+        }
+        self.states += 1;
+        count
+    }
+
+    /// Returns the share between the last stable state and this one, by halving the straight line between them.
+    fn between(&self, state: &PathState, unstable: impl Fn(&FlatStability, &[f64], f64) -> usize) -> f64 {
+        let Some((before, first)) = &self.stable else {
+            return state.share;
+        };
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            let u: Vec<f64> = before.iter().zip(&state.u).map(|(a, b)| a + middle * (b - a)).collect();
+            match unstable(&self.stability, &u, first + middle * (state.share - first)) {
+                0 => low = middle,
+                _ => high = middle,
+            }
+        }
+        first + 0.5 * (low + high) * (state.share - first)
     }
 }
 
@@ -379,6 +468,13 @@ impl WithMaterial for Follow<'_> {
     fn run<L: Material, F: Fn(f64) -> L + Sync>(mut self, material: F) -> Option<LoadPath> {
         let solver = self.solver;
         let forces = SideForces::new(solver, self.pattern);
+        let watch = RefCell::new(FlatWatch {
+            stability: FlatStability::new(&solver.grid)?,
+            states: 0,
+            stable: None,
+            limit: None,
+            is_over: false,
+        });
         let problem = solver.problem(self.activity, &material);
         let curve = match self.start.take() {
             Some(u) => Curve::through(&problem, self.parameter, u)?,
@@ -386,11 +482,31 @@ impl WithMaterial for Follow<'_> {
         };
         let trace = follow(&curve, |state| {
             let [voltage, load] = self.parameter.shares(state.share);
-            let reactions = forces
-                .as_ref()
-                .map(|forces| forces.at(&material(voltage), load, &state.u));
-            self.keep(state, reactions)
+            let law = material(voltage);
+            let compressed = (!law.wrinkles()).then(|| {
+                let states = States {
+                    scene: &solver.scene,
+                    pattern: self.pattern,
+                    loads: solver.model.loads(),
+                    activity: self.activity,
+                    share: voltage,
+                    u: &state.u,
+                };
+                compressed_fraction(&states.run(&material), solver.scene.shear_modulus_pa())
+            });
+            let unstable = |flat: &FlatStability, u: &[f64], share: f64| {
+                let [voltage, _] = self.parameter.shares(share);
+                let law = material(voltage);
+                // An exact zero is stable to rounding.
+                flat.unstable(&Operator::new(&law, self.activity), u).unwrap_or(0)
+            };
+            let checks = Checks {
+                reactions: forces.as_ref().map(|forces| forces.at(&law, load, &state.u)),
+                compressed,
+                out_of_plane: watch.borrow_mut().add(&state, unstable),
+            };
+            self.keep(state, checks)
         });
-        self.finish(trace)
+        self.finish(trace, watch.into_inner().limit)
     }
 }

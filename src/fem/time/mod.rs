@@ -30,7 +30,7 @@ pub use accurate::AccurateHistory;
 pub use creep::{ThreeSolves, settings as creep_settings};
 pub use frequency::{AtFrequency, FrequencyResponse, FrequencySolver, at_bias, at_peak};
 pub use history::{History, HistoryRequest, USUAL_ERROR as USUAL_TIME_ERROR, check as history_check, refusal};
-pub use modes::{MOST_MODES, Vibration};
+pub use modes::{MOST_MODES, Transverse, Vibration};
 pub use pass::Instant;
 pub use solver::{HistoryOptions, HistorySolver, StepEstimates};
 pub use swing::Swing;

@@ -15,6 +15,7 @@ use crate::grid::Grid;
 use crate::mass::Mass;
 use crate::material::Material;
 use crate::operator::{Activity, Operator};
+use crate::out_of_plane::{self, OutOfPlane};
 use crate::precondition::Laplacian;
 use crate::solver::MembraneSolver;
 use crate::supports::Rigid;
@@ -43,6 +44,19 @@ pub struct Vibration {
     pub frequencies: Vec<f64>,
     /// Their modes, scaled to a largest displacement of 1.
     pub modes: Vec<Field>,
+    /// Vibrations out of the plane.
+    pub out_of_plane: Transverse,
+}
+
+/// The vibrations of a flat equilibrium out of its plane; empty without an equilibrium.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Transverse {
+    /// Natural frequencies in Hz, lowest first; 0 for motions in which the flat state is unstable.
+    pub frequencies: Vec<f64>,
+    /// Displacements out of the plane at the corners of cells, `[y][x]`, scaled to a largest one of 1.
+    pub modes: Vec<Vec<f64>>,
+    /// Number of motions in which the flat state is unstable: it buckles or wrinkles.
+    pub unstable: usize,
 }
 
 impl Vibration {
@@ -53,6 +67,7 @@ impl Vibration {
             equilibrium: None,
             frequencies: Vec::new(),
             modes: Vec::new(),
+            out_of_plane: Transverse::default(),
         }
     }
 }
@@ -83,25 +98,40 @@ impl MembraneSolver {
         if !solution.outcome.is_converged() {
             return Ok(Vibration::none(solution.outcome));
         }
-        let Some(pairs) = self.model.with(Lowest {
+        let found = self.model.with(Lowest {
             solver: self,
             activity: &self.model.activity(&self.grid, pattern),
             u: &solution.displacement,
             mass: &Mass::new(&self.grid, lumped),
             count,
-        }) else {
+            lumped,
+        });
+        let (Some(pairs), Some(transverse)) = found else {
             return Ok(Vibration::none(Outcome::IterationLimit));
         };
         let hertz = speed / (1e-3 * self.grid.unit_mm() * std::f64::consts::TAU);
+        let frequency = |square: f64| hertz * square.max(0.0).sqrt();
         Ok(Vibration {
             outcome: solution.outcome,
             equilibrium: Some(self.field(&solution)),
-            frequencies: pairs.iter().map(|(value, _)| hertz * value.max(0.0).sqrt()).collect(),
+            frequencies: pairs.iter().map(|(value, _)| frequency(*value)).collect(),
             modes: pairs
                 .iter()
                 .map(|(_, vector)| normalised(&self.grid.sample(vector)))
                 .collect(),
+            out_of_plane: Transverse {
+                frequencies: transverse.values.into_iter().map(frequency).collect(),
+                modes: transverse.vectors.iter().map(|vector| self.heights(vector)).collect(),
+                unstable: transverse.negative,
+            },
         })
+    }
+
+    /// Returns a displacement out of the plane at the corners of cells, scaled to a largest one of 1.
+    fn heights(&self, vector: &[f64]) -> Vec<f64> {
+        let both = [vector, &vec![0.0; vector.len()]].concat();
+        let sampled = normalised(&self.grid.sample(&both));
+        sampled.values().chunks_exact(2).map(|both| both[0]).collect()
     }
 }
 
@@ -123,11 +153,12 @@ struct Lowest<'a> {
     u: &'a [f64],
     mass: &'a Mass,
     count: usize,
+    lumped: bool,
 }
 
 impl WithMaterial for Lowest<'_> {
-    /// `None` if the iteration breaks down.
-    type Output = Option<Vec<(f64, Vec<f64>)>>;
+    /// In the plane and out of it; `None` if the iteration breaks down.
+    type Output = (Option<Vec<(f64, Vec<f64>)>>, Option<out_of_plane::Lowest>);
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Self::Output {
         let material = material(1.0);
@@ -135,7 +166,17 @@ impl WithMaterial for Lowest<'_> {
         let found = lowest(&operator, &self.solver.laplacian, self.mass, self.u, self.count);
         // With bars far heavier than the membrane its own modes can be below rounding.
         let is_sorted = found.windows(2).all(|pair| pair[0].0 <= pair[1].0 * (1.0 + UNSORTED));
-        (!found.is_empty() && is_sorted && found.iter().all(|(value, _)| value.is_finite())).then_some(found)
+        let is_sound = !found.is_empty() && is_sorted && found.iter().all(|(value, _)| value.is_finite());
+        (is_sound.then_some(found), self.transverse(&operator))
+    }
+}
+
+impl Lowest<'_> {
+    fn transverse<L: Material>(&self, operator: &Operator<'_, L>) -> Option<out_of_plane::Lowest> {
+        let grid = self.activity.grid();
+        let heights = OutOfPlane::new(grid)?;
+        let mass = heights.mass(grid, self.lumped)?;
+        heights.lowest(&heights.stiffness(operator, self.u), &mass, self.count)
     }
 }
 

@@ -304,7 +304,9 @@ const NAMED: [&str; 2] = [
 
 /// What stands beside geometry and material: every effect. Each law of stiffening is added, as an effect and as a
 /// property.
-const SCENES: [&str; 14] = [
+const SCENES: [&str; 16] = [
+    "drive: { voltage: 5 kV }\nloads: { pressure: -500 Pa }",
+    "drive: { voltage: 5 kV }\nloads: { volume: 2 ml }",
     "drive: { voltages: [5 kV, 3 kV] }\nstates: { push: { voltages: [5 kV, 0 V] }, pull: { voltages: [0 V, 5 kV] } }",
     "states: { on: { voltage: 5 kV }, off: { voltage: 0 V } }",
     "drive: { voltage: 5.25 kV, frequency: 2 Hz, duration: 30 s }\neffects: auto",

@@ -1,0 +1,253 @@
+//! `deaflow solve` of a scene with a pressure or a volume: equilibria out of the plane.
+
+use serde_json::{Value, json};
+
+use super::SolveArguments;
+use super::simulation::{PatternSolver, Simulation};
+use crate::job::JobResult;
+use crate::text::Text;
+use crate::{CliError, Exit, Output, table};
+use deaflow_base::four_digits;
+use deaflow_content::{CoveredCells, DrawnElectrodes, Inflations, Packed};
+use deaflow_fem::screening::resolve;
+use deaflow_fem::{Inflated, InflationOutcome, InflationSolver, MeshRequest, Method, SetupError};
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
+
+/// The share of compressed membrane above which a warning names it.
+const COMPRESSED: f64 = 0.005;
+
+/// Finds the equilibria of patterns under pressure.
+///
+/// # Errors
+/// When an option, the scene or a pattern cannot be used, or the file cannot be written.
+pub fn execute(simulation: Simulation<'_>, output: &Output) -> Result<Exit, CliError> {
+    let arguments = simulation.arguments;
+    check(arguments, &simulation)?;
+    let flat = resolve(&simulation.scene.without_pressure())?;
+    let scene = Scene {
+        loads: simulation.scene.loads.clone(),
+        ..flat
+    };
+    let solver = PatternSolver::new(&scene, |scene| {
+        let solver = InflationSolver::new(scene, arguments.options())?;
+        Ok::<_, SetupError>(solver.within(arguments.time.work_limit()))
+    })?;
+    let (mut found, mut seconds) = (Vec::new(), Vec::new());
+    simulation.run(
+        |pattern: &Pattern| Ok(solver.with(pattern, |solver: &InflationSolver| solver.solve(pattern))?),
+        |inflated, time| {
+            found.push(inflated);
+            seconds.push(time);
+        },
+    )?;
+    let unstable = found.iter().filter(|one| !is_stable(one)).count();
+    let columns = scene.membrane().raster.columns();
+    let cell_mm = scene.membrane().cell_mm();
+    let peaks: Vec<Peak> = found.iter().map(|one| Peak::of(one, columns, cell_mm)).collect();
+    let result = JobResult {
+        patterns: found.len(),
+        arrays: content(&simulation, &scene, &found, seconds).object(),
+        parameters: simulation.parameters(""),
+        attachments: None,
+        warnings: warnings(&scene, &found),
+        document: json!({
+            "equilibria": found.iter().zip(&peaks).enumerate().map(document).collect::<Vec<_>>(),
+            "unstable": unstable,
+        }),
+        text: Text::of(overview(&found, &peaks)),
+        exit: if unstable > 0 { Exit::Unstable } else { Exit::Done },
+    };
+    simulation.finish(result, output)
+}
+
+/// Refuses options and states that are not simulated under pressure.
+fn check(arguments: &SolveArguments, simulation: &Simulation<'_>) -> Result<(), CliError> {
+    let refused =
+        |option: &str| Err(CliError::from(SetupError::Pressure { with: "this option" }).help(option.to_owned()));
+    if arguments.cells {
+        return refused("remove `--cells`");
+    }
+    if arguments.point.is_given() {
+        return refused("remove `--point`; the heights of all corners are in the file");
+    }
+    if arguments.method != Method::Newton {
+        return refused("use `--method newton`");
+    }
+    if matches!(arguments.parameters().mesh_request(), MeshRequest::Accuracy(_)) {
+        return refused("remove `--accuracy`, and compare two meshes by `--elements-per-cell`");
+    }
+    if !simulation.scene.states.is_empty() {
+        return Err(
+            CliError::bad_input("equilibria under pressure are computed for one state of a device")
+                .help("choose a state: --state NAME"),
+        );
+    }
+    if simulation.patterns.iter().any(|pattern| pattern.coverage().is_some()) {
+        return Err(SetupError::Coverage { with: "`loads`" }.into());
+    }
+    Ok(())
+}
+
+fn is_stable(one: &Inflated) -> bool {
+    one.outcome == InflationOutcome::Converged
+}
+
+/// The largest displacement of a membrane in space.
+struct Peak {
+    mm: f64,
+    height: f64,
+    at_mm: [f64; 2],
+}
+
+impl Peak {
+    fn of(one: &Inflated, columns: usize, cell_mm: [f64; 2]) -> Self {
+        let corners = one.heights.iter().enumerate().map(|(corner, height)| {
+            let [x, y] = [corner % (columns + 1), corner / (columns + 1)];
+            let [u, v] = one.displacement.at_corner(x, y);
+            Self {
+                mm: u.hypot(v).hypot(*height),
+                height: *height,
+                at_mm: [x as f64 * cell_mm[0], y as f64 * cell_mm[1]],
+            }
+        });
+        let none = Self {
+            mm: 0.0,
+            height: 0.0,
+            at_mm: [0.0; 2],
+        };
+        corners.fold(none, |best, one| if one.mm > best.mm { one } else { best })
+    }
+}
+
+fn warnings(scene: &Scene, found: &[Inflated]) -> Vec<String> {
+    let breakdown = scene
+        .effects
+        .dielectric_breakdown
+        .as_ref()
+        .map(|_| "under pressure the electric field is not compared with the breakdown field".to_owned());
+    let wrinkles = scene.effects.wrinkling.is_some();
+    let of_one = |(index, one): (usize, &Inflated)| {
+        let is_compressed = is_stable(one) && !wrinkles && one.compressed >= COMPRESSED;
+        is_compressed.then(|| {
+            format!(
+                "pattern {index}: {:.1} % of the membrane is compressed and would wrinkle; simulate `wrinkling`",
+                100.0 * one.compressed
+            )
+        })
+    };
+    let compressed = found.iter().enumerate().filter_map(of_one);
+    breakdown.into_iter().chain(compressed).collect()
+}
+
+fn content(simulation: &Simulation<'_>, scene: &Scene, found: &[Inflated], solve_seconds: Vec<f64>) -> Inflations {
+    let known = |value: fn(&Inflated) -> f64| -> Vec<f64> {
+        let value = |one: &Inflated| if is_stable(one) { value(one) } else { f64::NAN };
+        found.iter().map(value).collect()
+    };
+    let displacement = found.iter().flat_map(|one| {
+        let planar = one.displacement.values().chunks_exact(2);
+        let all = planar
+            .zip(&one.heights)
+            .flat_map(|(planar, height)| [planar[0], planar[1], *height]);
+        all.map(|value| if is_stable(one) { value } else { f64::NAN })
+    });
+    let limits = |at: usize, converged: f64| {
+        let limit = |one: &Inflated| match one.outcome {
+            InflationOutcome::Converged => converged,
+            InflationOutcome::LimitPoint {
+                last_stable,
+                first_unstable,
+            } => [last_stable, first_unstable][at],
+            InflationOutcome::Flat(_) | InflationOutcome::WorkLimit => f64::NAN,
+        };
+        found.iter().map(limit).collect()
+    };
+    Inflations {
+        patterns: simulation.patterns.clone(),
+        electrodes: DrawnElectrodes::of(&simulation.patterns),
+        covered: CoveredCells::of(&simulation.patterns),
+        outcome: found.iter().map(|one| one.outcome.name().to_owned()).collect(),
+        displacement: Packed(displacement.collect()),
+        pressure: known(|one| one.pressure),
+        volume: known(|one| one.volume),
+        last_stable: limits(0, 1.0),
+        first_unstable: limits(1, f64::NAN),
+        wrinkled_fraction: known(|one| one.compressed),
+        newton_iterations: found.iter().map(|one| one.newton_iterations).collect(),
+        krylov_iterations: found.iter().map(|one| one.krylov_iterations).collect(),
+        solve_seconds,
+        scene: scene.clone(),
+        solver: simulation.solver(),
+        effects: scene.effects.clone(),
+    }
+}
+
+fn overview(found: &[Inflated], peaks: &[Peak]) -> table::Table {
+    let header = [
+        "pattern",
+        "outcome",
+        "largest displacement",
+        "height there",
+        "at",
+        "pressure",
+        "volume",
+    ];
+    let mut table = table::table(&header, &["largest displacement", "height there", "pressure", "volume"]);
+    for (index, (one, peak)) in found.iter().zip(peaks).enumerate() {
+        let or_dash = |text: String| if is_stable(one) { text } else { "-".to_owned() };
+        let hundredths = |mm: f64| (100.0 * mm).round() / 100.0;
+        let [x, y] = peak.at_mm;
+        table.add_row([
+            index.to_string(),
+            outcome(one),
+            or_dash(format!("{} mm", four_digits(peak.mm))),
+            or_dash(format!("{} mm", four_digits(peak.height))),
+            or_dash(format!("{}, {} mm", hundredths(x), hundredths(y))),
+            or_dash(format!("{} Pa", four_digits(one.pressure))),
+            or_dash(format!("{} ml", four_digits(one.volume))),
+        ]);
+    }
+    table
+}
+
+/// The outcome for people, with the limit.
+fn outcome(one: &Inflated) -> String {
+    match one.outcome {
+        InflationOutcome::LimitPoint {
+            last_stable,
+            first_unstable,
+        } => format!(
+            "limit-point between {} and {} of the load",
+            four_digits(last_stable),
+            four_digits(first_unstable)
+        ),
+        other => other.name().to_owned(),
+    }
+}
+
+fn document((index, (one, peak)): (usize, (&Inflated, &Peak))) -> Value {
+    let mut document = json!({
+        "index": index,
+        "outcome": one.outcome.name(),
+        "newton_iterations": one.newton_iterations,
+        "krylov_iterations": one.krylov_iterations,
+    });
+    let more = match one.outcome {
+        InflationOutcome::Converged => json!({
+            "largest_displacement_mm": peak.mm,
+            "height_mm": peak.height,
+            "at_mm": peak.at_mm,
+            "pressure_pa": one.pressure,
+            "volume_ml": one.volume,
+            "wrinkled_fraction": one.compressed,
+        }),
+        InflationOutcome::LimitPoint {
+            last_stable,
+            first_unstable,
+        } => json!({ "last_stable": last_stable, "first_unstable": first_unstable }),
+        InflationOutcome::Flat(_) | InflationOutcome::WorkLimit => json!({}),
+    };
+    crate::job::extend(&mut document, more);
+    document
+}

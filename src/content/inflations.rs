@@ -1,0 +1,45 @@
+//! The file of `deaflow solve` with a pressure or a volume. It is not an artifact and may contain NaN.
+
+use super::element::{Packed, PerCorner};
+use super::macros::arrays;
+use super::samples::{CoveredCells, DrawnElectrodes};
+use deaflow_pattern::Pattern;
+use deaflow_scene::{Effects, Scene};
+
+arrays! {
+    /// Equilibria of patterns under pressure; NaN for a pattern without a stable one.
+    pub struct Inflations, InflationsView {
+        /// Electrode patterns, origin lower left, 1 = electrode.
+        patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
+        /// If elements follow drawn electrodes, their shapes.
+        electrodes: Option<DrawnElectrodes> = group("electrodes"),
+        /// If electrodes cover parts of cells, the shares.
+        covered: Option<CoveredCells> = group("covered"),
+        /// How the search for the equilibrium ended.
+        outcome: Vec<String> = array("outcome", "", [sample]),
+        /// Displacement at the cell corners, along x, y and out of the plane.
+        displacement: Packed<PerCorner<[f64; 3]>> = array("displacement", "mm", [sample, corner_y, corner_x, xyz]),
+        /// Pressure below the membrane less that above.
+        pressure: Vec<f64> = array("pressure", "Pa", [sample]),
+        /// Volume between the membrane and its plane.
+        volume: Vec<f64> = array("volume", "ml", [sample]),
+        /// The largest share of the pressure or volume of the scene with a stable equilibrium; 1 where it converged.
+        last_stable: Vec<f64> = array("last_stable", "1", [sample]),
+        /// The smallest share at which none was found; NaN where it converged.
+        first_unstable: Vec<f64> = array("first_unstable", "1", [sample]),
+        /// Share of the membrane that is compressed and would wrinkle.
+        wrinkled_fraction: Vec<f64> = array("wrinkled_fraction", "1", [sample]),
+        /// Newton steps.
+        newton_iterations: Vec<u32> = array("newton_iterations", "1", [sample]),
+        /// Conjugate-gradient iterations.
+        krylov_iterations: Vec<u32> = array("krylov_iterations", "1", [sample]),
+        /// Processor time of the sample, the mean over its batch.
+        solve_seconds: Vec<f64> = array("solve_seconds", "s", [sample]),
+        /// The scene.
+        scene: Scene = attribute("scene"),
+        /// The solver.
+        solver: String = attribute("solver"),
+        /// The simulated effects.
+        effects: Effects = attribute("effects"),
+    }
+}

@@ -1,0 +1,152 @@
+//! Membranes that leave their plane, from the command line: pressure, volume, frequencies, and what is refused.
+
+use serde_json::Value;
+
+use super::common::{Ended, Workspace};
+
+const SCENE: &str = "geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }
+material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+properties: { density: 960 kg/m3 }
+drive: { voltage: 4 kV }
+";
+
+fn workspace() -> Workspace {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", SCENE);
+    let half: String = (0..10).map(|_| "1,1,1,1,1,0,0,0,0,0\n").collect();
+    workspace.write("half.csv", &half);
+    workspace
+}
+
+fn solve(workspace: &Workspace, more: &[&str]) -> Ended {
+    let first = [
+        "solve",
+        "scene.yaml",
+        "half.csv",
+        "-o",
+        "out.h5",
+        "--order",
+        "2",
+        "--elements-per-cell",
+        "1",
+    ];
+    workspace.run(&[&first[..], more].concat())
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value}"))
+}
+
+#[test]
+fn a_pressure_and_the_volume_that_it_makes_are_the_same_state() {
+    let workspace = workspace();
+    let ended = solve(&workspace, &["--json", "--set", "loads={ pressure: 500 Pa }"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let by_pressure = ended.json()["equilibria"][0].clone();
+    assert_eq!(by_pressure["outcome"], "converged");
+    let volume = number(&by_pressure["volume_ml"]);
+    // On 50² cells the centre rises by 2.2216 mm.
+    assert!((number(&by_pressure["height_mm"]) - 2.22).abs() < 0.02, "{by_pressure}");
+    let set = format!("loads={{ volume: {volume} ml }}");
+    let ended = solve(&workspace, &["--json", "--set", &set]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let by_volume = ended.json()["equilibria"][0].clone();
+    for (key, error) in [
+        ("pressure_pa", 1e-4),
+        ("height_mm", 1e-6),
+        ("largest_displacement_mm", 1e-6),
+    ] {
+        let [a, b] = [&by_pressure, &by_volume].map(|of| number(&of[key]));
+        assert!((a - b).abs() < error * a, "{key}: {a} {b}");
+    }
+}
+
+#[test]
+fn a_pressure_beyond_the_largest_has_no_field_and_an_exit_code() {
+    let workspace = workspace();
+    let ended = solve(&workspace, &["--json", "--set", "loads={ pressure: 20 kPa }"]);
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    let found = ended.json()["equilibria"][0].clone();
+    assert_eq!(found["outcome"], "limit-point");
+    let [below, above] = ["last_stable", "first_unstable"].map(|key| number(&found[key]));
+    assert!(0.0 < below && below < above && above - below < 2e-3, "{below} {above}");
+    assert!(found.get("height_mm").is_none());
+}
+
+#[test]
+fn what_is_not_simulated_under_pressure_is_refused() {
+    let workspace = workspace();
+    let pressure = "loads={ pressure: 500 Pa }";
+    let free = "geometry.sides={ right: roller }";
+    let body = "geometry.bodies=[{ disc: { centre: [25 mm, 25 mm], radius: 6 mm } }]";
+    let refused: [(&[&str], &str); 8] = [
+        (&["--set", pressure, "--modes", "2"], "remove `loads`"),
+        (&["--set", pressure, "--path"], "remove `loads`"),
+        (&["--set", pressure, "--set", free], "`sides` that are not held"),
+        (&["--set", pressure, "--set", body], "`bodies`"),
+        (&["--set", pressure, "--cells"], "--cells"),
+        (&["--set", pressure, "--point", "25,25"], "--point"),
+        (
+            &["--set", "loads={ pressure: 1 Pa, volume: 1 ml }"],
+            "either a `pressure` or a `volume`",
+        ),
+        (&["--set", "loads={ volume: 1 mm }"], "volume"),
+    ];
+    for (more, why) in refused {
+        let ended = solve(&workspace, more);
+        assert_eq!(ended.code, Some(2), "{more:?}: {}", ended.stderr);
+        assert!(ended.stderr.contains(why), "{more:?}: {}", ended.stderr);
+    }
+    let pipeline = format!(
+        "version: 1\nname: blown\nscene: {{ {}, loads: {{ pressure: 1 kPa }} }}\nstages:\n  small: {{ kind: \
+         sample, family: small-grid, count: 2, seed: 1 }}\n  solved: {{ kind: solve, needs: [small] }}\n",
+        SCENE.trim_end().replace('\n', ", ")
+    );
+    workspace.write("blown.yaml", &pipeline);
+    let ended = workspace.run(&["plan", "blown.yaml"]);
+    assert_eq!(ended.code, Some(2), "{}", ended.stderr);
+    assert!(ended.stderr.contains("remove `loads`"), "{}", ended.stderr);
+}
+
+#[test]
+fn flat_membranes_have_frequencies_out_of_the_plane_and_a_voltage_at_which_they_buckle() {
+    let workspace = workspace();
+    let ended = solve(&workspace, &["--json", "--modes", "2"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let found = ended.json()["vibrations"][0].clone();
+    let hertz = number(&found["out_of_plane_frequencies"][0]);
+    assert!(hertz > 200.0 && hertz < number(&found["frequencies"][0]), "{found}");
+    assert_eq!(found["out_of_plane_unstable"], 0);
+    // Hardly stretched, the active half loses its tension long before it is unstable in the plane.
+    let slack = ["--set", "geometry.prestretch=1.1", "--set", "drive.voltage=4 kV"];
+    let ended = solve(&workspace, &[&["--json", "--path"][..], &slack].concat());
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let document = ended.json();
+    let path = document["paths"][0].clone();
+    let buckles = number(&path["out_of_plane"]["voltage"]);
+    assert!(
+        buckles > 0.0 && buckles < number(&path["limit"]["voltage"]),
+        "{buckles}"
+    );
+    assert!(
+        document["warnings"].to_string().contains("wrinkles or buckles"),
+        "{document}"
+    );
+    let unstable = |volts: f64| {
+        let voltage = format!("drive.voltage={volts} V");
+        let more = [
+            "--json",
+            "--modes",
+            "1",
+            "--set",
+            "geometry.prestretch=1.1",
+            "--set",
+            &voltage,
+        ];
+        let ended = solve(&workspace, &more);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        number(&ended.json()["vibrations"][0]["out_of_plane_unstable"])
+    };
+    assert_eq!(unstable(0.97 * buckles), 0.0);
+    assert!(unstable(1.03 * buckles) > 0.0);
+}
