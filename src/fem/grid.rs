@@ -131,7 +131,8 @@ impl Grid {
             return Ok(Self::uniform(mesh, sheet));
         }
         grid.fitted = Some(Arc::new(fitted));
-        Ok(grid.with_supports(sheet))
+        // Nodes on the sides may have moved along them.
+        Ok(grid.with_sides(sheet.sides).with_supports(sheet))
     }
 
     fn new(order: Order, sheet: &Sheet, axes: [Axis; 2]) -> Self {

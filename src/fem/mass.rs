@@ -13,7 +13,7 @@ use super::grid::Grid;
 use super::lanes::Real;
 use super::layout::NodeLayout;
 use super::modes::line_matrices;
-use super::rectangle::matrices_along;
+use super::rectangle::{matrices_along, matrices_of};
 use super::sheet::{Mount, SheetSides};
 use deaflow_field::Order;
 
@@ -77,8 +77,21 @@ fn of_bars(grid: &Grid) -> Vec<(usize, usize, f64)> {
     let of_bar = |(side, bar): (usize, Mount)| {
         let along = 1 - side / 2;
         let nodes: Vec<usize> = layout.side_nodes(side).map(|[x, y]| layout.index(0, x, y)).collect();
-        let (_, mass) = matrices_along(grid, along, 0..nodes.len());
-        let length: f64 = (0..grid.elements()[along]).map(|at| grid.sides([at; 2])[along]).sum();
+        // Nodes may have moved along the side.
+        let degree = layout.degree();
+        let places: Vec<f64> = layout
+            .side_nodes(side)
+            .map(|node| grid.node_position(node)[along])
+            .collect();
+        let size = |at: usize| places[(at + 1) * degree] - places[at * degree];
+        let (_, mass) = match grid.follows_borders() {
+            Some(_) => matrices_of(grid.order(), 0..nodes.len(), grid.elements()[along], size),
+            None => matrices_along(grid, along, 0..nodes.len()),
+        };
+        let length: f64 = match grid.follows_borders() {
+            Some(_) => places[places.len() - 1] - places[0],
+            None => (0..grid.elements()[along]).map(|at| grid.sides([at; 2])[along]).sum(),
+        };
         let pairs = (0..nodes.len()).flat_map(|i| (0..nodes.len()).map(move |k| (i, k)));
         let masses = pairs.map(|(i, k)| (nodes[i], nodes[k], bar.mass * mass[(i, k)] / length));
         masses.filter(|(.., mass)| *mass != 0.0).collect::<Vec<_>>()

@@ -99,10 +99,21 @@ pub(super) struct RectangleScratch {
 
 /// Returns stiffness and mass of the elements along an axis of a grid at these nodes.
 pub(super) fn matrices_along(grid: &Grid, axis: usize, free: Range<usize>) -> (Mat<f64>, Mat<f64>) {
-    let size = |at: usize| grid.sides([at; 2])[axis];
-    match grid.order() {
-        Order::Bilinear => matrices_at(free, grid.elements()[axis], &Line::LINEAR, size),
-        Order::Biquadratic => matrices_at(free, grid.elements()[axis], &Line::QUADRATIC, size),
+    matrices_of(grid.order(), free, grid.elements()[axis], |at| {
+        grid.sides([at; 2])[axis]
+    })
+}
+
+/// Returns stiffness and mass of a line of elements of some sizes at these nodes.
+pub(super) fn matrices_of(
+    order: Order,
+    free: Range<usize>,
+    elements: usize,
+    size: impl Fn(usize) -> f64,
+) -> (Mat<f64>, Mat<f64>) {
+    match order {
+        Order::Bilinear => matrices_at(free, elements, &Line::LINEAR, size),
+        Order::Biquadratic => matrices_at(free, elements, &Line::QUADRATIC, size),
     }
 }
 

@@ -177,10 +177,6 @@ impl Model {
     /// # Errors
     /// If elements cannot follow the borders of the sheet.
     pub fn grid(&self, mesh: Mesh) -> Result<Grid, SetupError> {
-        if self.sheet.sides.is_some() && self.sheet.borders.is_some() {
-            let with = "curves that elements follow";
-            return Err(SetupError::Sides { with });
-        }
         match &self.fringe {
             None => Grid::fitted(mesh, &self.sheet),
             Some(_) if self.sheet.borders.is_some() => Err(SetupError::Curves { with: "fringe fields" }),

@@ -28,7 +28,7 @@ fn ellipse(centre: Point, semiaxes: Point, angle: f64) -> Vec<Point> {
     (0..count as usize).map(point).collect()
 }
 
-fn disc(centre: Point, radius: f64) -> Polygons {
+pub(super) fn disc(centre: Point, radius: f64) -> Polygons {
     Polygons::new(&[ellipse(centre, [radius; 2], 0.0)])
 }
 
@@ -372,7 +372,7 @@ fn borders_along_cells_change_nothing() {
 }
 
 /// The scene with drawn electrode groups.
-fn drawn(scene: &Scene, groups: &[(u8, Polygons)]) -> Scene {
+pub(super) fn drawn(scene: &Scene, groups: &[(u8, Polygons)]) -> Scene {
     let electrodes = deaflow_pattern::Electrodes::new(groups, scene.membrane().size_mm);
     let bare = Pattern::from_fn(scene.membrane().raster, |_, _| false);
     let pattern = bare.with_electrodes(Some(Arc::new(electrodes)));

@@ -7,6 +7,7 @@ mod devices;
 mod discrete;
 mod effects;
 mod fitted;
+mod fitted_sides;
 mod fringe;
 mod geometry;
 mod groups;

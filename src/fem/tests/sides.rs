@@ -4,7 +4,7 @@ use super::*;
 use crate::precondition::Laplacian;
 
 /// A scene of VHB 4910, 1 mm thick, with this geometry.
-fn scene(geometry: &str, voltage: f64) -> Scene {
+pub(super) fn scene(geometry: &str, voltage: f64) -> Scene {
     Scene::from_text(&format!(
         "geometry: {{ thickness: 1 mm, {geometry} }}\nmaterial: {{ model: neo-hookean, shear_modulus: 45 kPa, \
          relative_permittivity: 4.7 }}\ndrive: {{ voltage: {voltage} V }}\neffects: {{}}"
@@ -25,12 +25,12 @@ fn strip(size: [f64; 2], prestretch: [f64; 2], cell: f64, right: &str, voltage: 
     )
 }
 
-fn solver_of(scene: &Scene, mesh: Mesh) -> MembraneSolver {
+pub(super) fn solver_of(scene: &Scene, mesh: Mesh) -> MembraneSolver {
     MembraneSolver::new(scene, SolveOptions { mesh, tolerance: 1e-10 }).unwrap()
 }
 
 /// The cells whose middle lies in these ranges in mm.
-fn cells_in(scene: &Scene, [left, right]: [f64; 2], [low, high]: [f64; 2]) -> Pattern {
+pub(super) fn cells_in(scene: &Scene, [left, right]: [f64; 2], [low, high]: [f64; 2]) -> Pattern {
     let membrane = scene.membrane();
     Pattern::from_fn(membrane.raster, |x, y| {
         let [x, y] = membrane.centre_mm(x, y);
@@ -38,7 +38,7 @@ fn cells_in(scene: &Scene, [left, right]: [f64; 2], [low, high]: [f64; 2]) -> Pa
     })
 }
 
-fn solved(scene: &Scene, mesh: Mesh, pattern: &Pattern) -> (Simulation, MeshSolution) {
+pub(super) fn solved(scene: &Scene, mesh: Mesh, pattern: &Pattern) -> (Simulation, MeshSolution) {
     let solver = solver_of(scene, mesh);
     let solution = solver.solve(pattern);
     assert_eq!(solution.outcome, Outcome::Converged, "{:?}", scene.geometry);
