@@ -14,6 +14,8 @@ pub struct SideResults {
     reactions: Vec<(Edge, [Option<f64>; 2])>,
     /// The largest displacement from rest in mm.
     from_rest_mm: f64,
+    /// What fixes motions of the whole that nothing resists, if there are any.
+    gauge: Option<String>,
 }
 
 #[derive(Clone, Debug)]
@@ -50,6 +52,7 @@ impl SideResults {
             bars: bars.collect(),
             reactions: reactions.filter(|(_, force)| *force != [None; 2]).collect(),
             from_rest_mm: moved.largest().1,
+            gauge: gauge(scene),
         })
     }
 
@@ -78,7 +81,12 @@ impl SideResults {
             "the largest displacement from rest is {} mm",
             four_digits(self.from_rest_mm)
         );
-        std::iter::once(moved).chain(bars).chain(reactions).collect()
+        let gauge = self.gauge.iter().cloned();
+        gauge
+            .chain(std::iter::once(moved))
+            .chain(bars)
+            .chain(reactions)
+            .collect()
     }
 
     /// Describes them for programs.
@@ -101,4 +109,17 @@ impl SideResults {
             "max_displacement_from_rest_mm": self.from_rest_mm,
         })
     }
+}
+
+/// Describes what fixes motions of the whole that nothing resists, if there are any.
+fn gauge(scene: &Scene) -> Option<String> {
+    let floating = scene.geometry.floating();
+    let fixed = match (floating.along, floating.turn) {
+        ([false, false], _) => "its mean turn is zero",
+        ([true, true], None) => "its mean displacement is zero",
+        (_, None) => "its mean displacement along it is zero",
+        ([true, true], Some(_)) => "its mean displacement and its mean turn are zero",
+        (_, Some(_)) => "its mean displacement along it and its mean turn are zero",
+    };
+    Some(format!("{}: {fixed}", floating.description()?))
 }

@@ -22,7 +22,8 @@ use deaflow_linalg::{Mat, inverse_definite, solve};
 
 use super::krylov::dot;
 use super::rectangle::{ModalNodes, Rectangle, RectangleScratch};
-use super::supports::{Pose, Supports};
+use super::rigid::{Pose, Rigid};
+use super::supports::Supports;
 
 /// Number of nodes or clusters for which S⁻¹ is stored, which takes 10 MB and a second.
 const MOST: usize = 1600;
@@ -219,8 +220,7 @@ impl Capacitance {
                     body.edge.spread(pose, *force, &mut own.force);
                 }
                 rectangle.solve(&own.force, z, scratch);
-                let average =
-                    |(body, pose): (&super::supports::Rigid, &Pose)| body.edge.motion(pose, body.edge.force(pose, z));
+                let average = |(body, pose): (&Rigid, &Pose)| body.edge.motion(pose, body.edge.force(pose, z));
                 bodies.iter().zip(poses).map(average).collect()
             }
         };

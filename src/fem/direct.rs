@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use deaflow_base::is_interrupted;
-use deaflow_linalg::{Pair, SparseColMat, Sparsity};
+use deaflow_linalg::{Mat, Pair, SparseColMat, Sparsity, eigen, solve};
 
 use super::boundary::cofactor_stress;
+use super::eigenvalue::dot;
 use super::element::{Bilinear, Biquadratic, Element};
 use super::grid::Grid;
 use super::kinematics::{add_scaled, cofactor};
@@ -13,13 +14,16 @@ use super::laminate::excess_tangent;
 use super::material::Material;
 use super::memory;
 use super::operator::Operator;
-use super::supports::{Pose, Rigid, Supports};
+use super::rigid::{Pose, Rigid};
+use super::supports::Supports;
 use deaflow_field::Order;
 
 /// The sparsity of the tangent and a fill-reducing order of the unknowns, the same for all tangents of a grid.
 pub struct Structure {
     unknowns: Unknowns,
     sparsity: Sparsity,
+    /// Unknowns on springs of stiffness 1, without which the matrix of a floating membrane is singular.
+    pins: Vec<usize>,
 }
 
 impl Structure {
@@ -35,11 +39,23 @@ impl Structure {
         }
         let bodies = (0..3 * unknowns.bodies()).map(|at| unknowns.free.len() + at);
         pairs.extend(bodies.map(|at| Pair::new(at, at)));
+        let pins = unknowns.pins();
+        pairs.extend(pins.iter().map(|at| Pair::new(*at, *at)));
         let sparsity = Sparsity::new(unknowns.count(), &pairs)?;
-        Some(Arc::new(Self { unknowns, sparsity }))
+        Some(Arc::new(Self {
+            unknowns,
+            sparsity,
+            pins,
+        }))
     }
 
-    /// Returns the entries of the tangent at `u`; those of bodies are last.
+    /// Adds the springs of pins to entries.
+    fn with_pins(&self, mut entries: Vec<f64>, spring: f64) -> Vec<f64> {
+        entries.extend(self.pins.iter().map(|_| spring));
+        entries
+    }
+
+    /// Returns the entries of the tangent at `u`; those of bodies are last, before those of pins.
     fn entries<L: Material>(&self, operator: &Operator<'_, L>, u: &[f64]) -> Vec<f64> {
         let poses = operator.activity.grid().poses(u);
         let mut entries = match operator.activity.grid().order() {
@@ -62,7 +78,7 @@ impl Structure {
         operator: &Operator<'_, L>,
         u: &[f64],
     ) -> Option<SparseColMat<usize, f64>> {
-        self.sparsity.matrix(&self.entries(operator, u))
+        self.sparsity.matrix(&self.with_pins(self.entries(operator, u), 0.0))
     }
 
     /// Returns the consistent mass of [`super::mass::Mass`] at `u`, which includes rotated bodies, on and below the
@@ -76,7 +92,7 @@ impl Structure {
         if let Some(supports) = &self.unknowns.supports {
             entries.extend(supports.bodies().iter().flat_map(Rigid::own_masses));
         }
-        self.sparsity.matrix(&entries)
+        self.sparsity.matrix(&self.with_pins(entries, 0.0))
     }
 
     /// Converts nodal forces to forces on the unknowns at `u`.
@@ -95,12 +111,83 @@ impl Structure {
         if is_interrupted() {
             return None;
         }
-        let entries = self.entries(operator, u);
+        let entries = self.with_pins(self.entries(operator, u), PIN);
+        let (values, poses) = (self.sparsity.factors(&entries)?, operator.activity.grid().poses(u));
+        let border = match self.pins.is_empty() {
+            true => None,
+            false => Some(Border::new(self, &values, &poses)?),
+        };
         Some(Factorisation {
-            values: self.sparsity.factors(&entries)?,
+            values,
+            border,
             structure: Arc::clone(self),
-            poses: operator.activity.grid().poses(u),
+            poses,
         })
+    }
+
+    /// Solves with factors of the matrix with pins.
+    fn pinned(&self, values: &[f64], right: &[f64]) -> Vec<f64> {
+        let mut solution = right.to_vec();
+        self.sparsity.solve(values, &mut solution);
+        solution
+    }
+}
+
+/// The stiffness of the spring of a pin, about that of an element.
+const PIN: f64 = 1.0;
+
+/// The conditions C of a floating membrane, by which pins E are replaced: K z + C μ = r and Cᵀz = 0 with the tangent K
+/// is the matrix K + EEᵀ with the border B = (C, E), and with 1 in place of 0 for E.
+struct Border {
+    /// The columns of B.
+    columns: Vec<Vec<f64>>,
+    /// (K + EEᵀ)⁻¹B.
+    images: Vec<Vec<f64>>,
+    /// The Schur complement of the border.
+    complement: Mat<f64>,
+    /// Its negative eigenvalues.
+    negative: usize,
+}
+
+impl Border {
+    /// Creates it from the factors of K + EEᵀ; `None` if the eigenvalues of the complement cannot be computed.
+    fn new(structure: &Structure, values: &[f64], poses: &[Pose]) -> Option<Self> {
+        let unknowns = &structure.unknowns;
+        let gauge = unknowns.supports.as_ref()?.gauge()?;
+        let conditions = gauge
+            .conditions()
+            .iter()
+            .map(|condition| unknowns.pack(poses, condition));
+        let pin = |at: &usize| {
+            let mut column = vec![0.0; unknowns.count()];
+            column[*at] = 1.0;
+            column
+        };
+        let columns: Vec<Vec<f64>> = conditions.chain(structure.pins.iter().map(pin)).collect();
+        let images: Vec<Vec<f64>> = columns.iter().map(|column| structure.pinned(values, column)).collect();
+        let (count, conditions) = (columns.len(), gauge.conditions().len());
+        let complement = Mat::from_fn(count, count, |i, k| {
+            let own = if i == k && i >= conditions { 1.0 / PIN } else { 0.0 };
+            own - 0.5 * (dot(&columns[i], &images[k]) + dot(&columns[k], &images[i]))
+        });
+        let eigenvalues = eigen(&complement)?.values;
+        Some(Self {
+            columns,
+            images,
+            complement,
+            negative: eigenvalues.iter().filter(|value| **value < 0.0).count(),
+        })
+    }
+
+    /// Corrects a solution with pins to one that fulfils the conditions.
+    fn correct(&self, solution: &mut [f64]) {
+        let forces: Vec<f64> = self.columns.iter().map(|column| -dot(column, solution)).collect();
+        for (image, factor) in self.images.iter().zip(solve(&self.complement, &forces)) {
+            solution
+                .iter_mut()
+                .zip(image)
+                .for_each(|(value, image)| *value -= factor * image);
+        }
     }
 }
 
@@ -108,6 +195,8 @@ impl Structure {
 pub struct Factorisation {
     structure: Arc<Structure>,
     values: Vec<f64>,
+    /// Of a floating membrane.
+    border: Option<Border>,
     /// Poses of the bodies at the state of the tangent.
     poses: Vec<Pose>,
 }
@@ -122,15 +211,21 @@ impl Factorisation {
     /// Returns the number of negative eigenvalues of the tangent.
     #[must_use]
     pub fn negative_pivots(&self) -> usize {
-        self.structure.sparsity.negative_pivots(&self.values)
+        let own = self.structure.sparsity.negative_pivots(&self.values);
+        // By the inertia of the bordered matrix, in which each condition adds a negative eigenvalue.
+        self.border.as_ref().map_or(own, |border| {
+            (own + border.negative).saturating_sub(self.structure.pins.len())
+        })
     }
 
     /// Solves with the factors. `r` is a residual, the result a displacement; both are zero on the frame.
     #[must_use]
     pub fn solve(&self, r: &[f64]) -> Vec<f64> {
-        let Structure { unknowns, sparsity } = &*self.structure;
-        let mut packed = unknowns.pack(&self.poses, r);
-        sparsity.solve(&self.values, &mut packed);
+        let unknowns = &self.structure.unknowns;
+        let mut packed = self.structure.pinned(&self.values, &unknowns.pack(&self.poses, r));
+        if let Some(border) = &self.border {
+            border.correct(&mut packed);
+        }
         unknowns.unpack(&self.poses, &packed)
     }
 }
@@ -208,6 +303,14 @@ impl Unknowns {
 
     fn bodies(&self) -> usize {
         self.supports.as_ref().map_or(0, |supports| supports.bodies().len())
+    }
+
+    /// Returns as many unknowns as a floating membrane has motions, by which these can be fixed.
+    fn pins(&self) -> Vec<usize> {
+        let gauge = self.supports.as_ref().and_then(|supports| supports.gauge());
+        let pinned = gauge.map_or_else(Vec::new, |gauge| gauge.pins(&self.free));
+        let number = |index: usize| self.free.iter().position(|at| *at == index);
+        pinned.into_iter().filter_map(number).collect()
     }
 
     fn count(&self) -> usize {

@@ -11,7 +11,7 @@ use deaflow_base::{Stream, is_interrupted};
 use super::material::Material;
 use super::operator::Operator;
 use super::precondition::{Laplacian, LaplacianScratch};
-use super::supports::Pose;
+use super::rigid::Pose;
 
 /// An eigenvalue and its vector with v · L v = 1.
 #[derive(Clone, Debug)]

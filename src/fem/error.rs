@@ -176,6 +176,14 @@ pub enum SetupError {
     /// Memory is short.
     #[error("not enough memory")]
     Memory,
+    /// Motions of the membrane as a whole that nothing resists, with an incompatible setting.
+    #[error("{why}, which is not simulated with {with}: hold a side, or put sides on a `roller`")]
+    Floating {
+        /// The motions.
+        why: String,
+        /// The incompatible setting.
+        with: &'static str,
+    },
     /// Inertia without density.
     #[error("inertia needs a density: add `density` to `properties`")]
     Density,
@@ -235,6 +243,7 @@ impl SetupError {
                 | Self::Curves { .. }
                 | Self::Coverage { .. }
                 | Self::Sides { .. }
+                | Self::Floating { .. }
                 | Self::Density
                 | Self::NothingMoves
                 | Self::Steps { .. }

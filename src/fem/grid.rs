@@ -18,8 +18,9 @@ use super::kinematics::Tensor;
 use super::lanes::Real;
 use super::layout::{FreeSides, NodeLayout};
 use super::operator::{add_rest, scale_gradients, scale_stresses};
+use super::rigid::Pose;
 use super::sheet::{Mount, Sheet, SheetSides};
-use super::supports::{Pose, Supports};
+use super::supports::Supports;
 
 /// Smallest width of an element, in units of the side of a cell.
 pub const THINNEST: f64 = 1e-3;

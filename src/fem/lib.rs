@@ -3,10 +3,10 @@
 //! All quantities are dimensionless: stress is divided by μλp², lengths by the side of an element. So two numbers
 //! describe a scene, a = λp⁻⁶ and b = κλp² with κ = ε(V/H)²/μ; for unequal prestretch, λp is √(λ₁λ₂) as described in
 //! [`grid`]. The modules follow the method, from the point to the result: kinematics, energy and effects; sheet,
-//! fitted, grid, boundary, element, layout, sampling and lanes; coverage, laminate and laminates; operator; gemm, modes
-//! and precondition; krylov, work, newton, direct and dynamic_stiffness; eigenvalue, stability and continuation; solver,
-//! and on it geometry, accurate, adjoint, cells, response, margin, path, points, fully_active, critical, limit,
-//! observable, gradient_evaluator, safety_margins and reactions; evaluator, which
+//! fitted, grid, rigid, supports, gauge, boundary, element, layout, sampling and lanes; coverage, laminate and
+//! laminates; operator; gemm, modes and precondition; krylov, work, newton, direct and dynamic_stiffness; eigenvalue,
+//! stability and continuation; solver, and on it geometry, accurate, adjoint, cells, response, margin, path, points,
+//! fully_active, critical, limit, observable, gradient_evaluator, safety_margins and reactions; evaluator, which
 //! implements the traits of `field`; simulators and screening.
 
 mod accurate;
@@ -31,6 +31,7 @@ mod error;
 mod evaluator;
 mod fitted;
 mod fully_active;
+mod gauge;
 mod gemm;
 mod geometry;
 mod gradient_evaluator;
@@ -63,6 +64,7 @@ mod rectangle;
 pub mod registers;
 mod release;
 mod response;
+mod rigid;
 mod safety_margins;
 mod sampling;
 pub mod screening;

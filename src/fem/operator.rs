@@ -12,7 +12,8 @@ use super::material::{Material, MaterialPrecision, Passes};
 use super::memory;
 pub use super::precision::Precision;
 use super::registers::dispatch;
-use super::supports::{Pose, Rigid, Supports};
+use super::rigid::{Pose, Rigid};
+use super::supports::Supports;
 
 /// The discrete equilibrium of a pattern with a material.
 #[derive(Clone, Copy)]

@@ -6,12 +6,15 @@ use super::capacitance::{Capacitance, CapacitanceScratch};
 use super::error::SetupError;
 use super::grid::Grid;
 use super::rectangle::{Rectangle, RectangleScratch};
-use super::supports::Pose;
+use super::rigid::Pose;
+use super::supports::Supports;
 
 /// The inverse Laplacian of a grid with frames and bodies.
 pub struct Laplacian {
     rectangle: Rectangle,
     capacitance: Option<Capacitance>,
+    /// The supports of a membrane with motions of the whole that nothing resists.
+    floating: Option<Arc<Supports>>,
 }
 
 /// The inverses in use and their grids, shared by the solvers of one membrane: with frames and many nodes one takes
@@ -22,6 +25,8 @@ static SHARED: Mutex<Vec<(Grid, Weak<Laplacian>)>> = Mutex::new(Vec::new());
 pub struct LaplacianScratch {
     rectangle: RectangleScratch,
     capacitance: Option<CapacitanceScratch>,
+    /// Forces in balance, of a floating membrane.
+    balanced: Vec<f32>,
 }
 
 impl Laplacian {
@@ -62,7 +67,12 @@ impl Laplacian {
         let capacitance = grid
             .shared_supports()
             .map(|supports| Capacitance::new(supports, &rectangle));
-        Ok(Self { rectangle, capacitance })
+        let floating = grid.shared_supports().filter(|supports| supports.gauge().is_some());
+        Ok(Self {
+            rectangle,
+            capacitance,
+            floating,
+        })
     }
 
     /// Returns the vectors for a solve.
@@ -71,11 +81,25 @@ impl Laplacian {
         LaplacianScratch {
             rectangle: self.rectangle.scratch(),
             capacitance: self.capacitance.as_ref().map(Capacitance::scratch),
+            balanced: Vec::new(),
         }
     }
 
     /// Writes the solution for `r`, which is admissible for frames and bodies at these poses, into `z`.
     pub fn solve(&self, r: &[f32], poses: &[Pose], z: &mut [f32], scratch: &mut LaplacianScratch) {
+        let Some(supports) = &self.floating else {
+            return self.solve_held(r, poses, z, scratch);
+        };
+        let mut balanced = std::mem::take(&mut scratch.balanced);
+        balanced.clear();
+        balanced.extend_from_slice(r);
+        supports.balance(poses, &mut balanced);
+        self.solve_held(&balanced, poses, z, scratch);
+        supports.centre(poses, z);
+        scratch.balanced = balanced;
+    }
+
+    fn solve_held(&self, r: &[f32], poses: &[Pose], z: &mut [f32], scratch: &mut LaplacianScratch) {
         match (&self.capacitance, &mut scratch.capacitance) {
             (Some(capacitance), Some(own)) => {
                 capacitance.solve(&self.rectangle, r, poses, z, (&mut scratch.rectangle, own));

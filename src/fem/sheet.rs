@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use deaflow_pattern::{Borders, Membrane, Parts, Raster};
-use deaflow_scene::{Edge, Scene};
+use deaflow_scene::{Edge, Floating, Scene};
 
 use super::layout::SIDES;
 
@@ -65,14 +65,20 @@ pub struct SheetSides {
     pub loads: [[f64; 2]; SIDES],
     /// The bar on each.
     pub bars: [Option<Mount>; SIDES],
+    /// The motions of the whole membrane that nothing resists.
+    pub floating: Floating,
 }
 
 impl SheetSides {
-    /// The sides of a membrane on which nothing acts.
+    /// The sides of a membrane on which nothing acts, and which can move as a whole.
     pub const FREE: Self = Self {
         held: [[false; 2]; SIDES],
         loads: [[0.0; 2]; SIDES],
         bars: [None; SIDES],
+        floating: Floating {
+            along: [false; 2],
+            turn: None,
+        },
     };
 
     /// Converts lengths, and forces over μH, from mm to a unit of length.
@@ -154,6 +160,7 @@ fn sides(scene: &Scene) -> Option<SheetSides> {
         held: Edge::ALL.map(|edge| sides.of(edge).holds(edge)),
         loads: Edge::ALL.map(|edge| load(edge).map(|force| 1e3 * force / stiffness)),
         bars: Edge::ALL.map(bar),
+        floating: scene.geometry.floating(),
     })
 }
 

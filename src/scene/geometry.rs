@@ -3,6 +3,7 @@
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
+use super::floating::{Floating, LoadedBody};
 use super::shape::Shape;
 use super::sides::Sides;
 use deaflow_base::{
@@ -188,28 +189,13 @@ fn check(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
         .help(help))
 }
 
-/// Checks that the membrane cannot move as a whole.
+/// Checks that no load moves the membrane as a whole.
 fn check_sides(geometry: &Geometry, map: &Map<'_>) -> Result<(), InputError> {
-    let Some(sides) = &geometry.sides else { return Ok(()) };
-    let Ok(parts) = geometry.read_parts() else {
-        return Ok(());
-    };
-    if parts.is_some_and(|parts| parts.cells(|part| part == Part::Frame).count() > 0) {
-        return Ok(());
-    }
-    let membrane = geometry.membrane();
-    let springs = geometry
-        .bodies
-        .iter()
-        .flatten()
-        .filter(|body| body.spring_n_per_m() > 0.0);
-    let centroids = springs.filter_map(|body| body.shape.region().polygons(membrane).centroid());
-    match sides.unresisted(membrane.size_mm, &centroids.collect::<Vec<_>>()) {
-        Some(why) => Err(map
-            .required("`geometry`", "sides")?
-            .error(why)
-            .help("hold a side, put sides on a `roller`, or give a bar a spring or fewer `moves`")),
-        None => Ok(()),
+    match geometry.find_floating() {
+        Err(why) => Err(map.required("`geometry`", "sides")?.error(why).help(
+            "let the loads balance, hold a side, put sides on a `roller`, or give a bar a spring or fewer `moves`",
+        )),
+        Ok(_) => Ok(()),
     }
 }
 
@@ -356,6 +342,30 @@ impl Geometry {
     pub fn parts(&self) -> Option<Arc<Parts>> {
         // The geometry has been checked.
         self.read_parts().ok().flatten().map(Arc::new)
+    }
+
+    /// Returns the motions of the membrane as a whole that nothing resists.
+    #[must_use]
+    pub fn floating(&self) -> Floating {
+        // The geometry has been checked.
+        self.find_floating().unwrap_or_default()
+    }
+
+    fn find_floating(&self) -> Result<Floating, &'static str> {
+        let (Some(sides), Ok(parts)) = (&self.sides, self.read_parts()) else {
+            return Ok(Floating::default());
+        };
+        if parts.is_some_and(|parts| parts.cells(|part| part == Part::Frame).count() > 0) {
+            return Ok(Floating::default());
+        }
+        let membrane = self.membrane();
+        let body = |body: &Body| LoadedBody {
+            centroid: body.shape.region().polygons(membrane).centroid().unwrap_or_default(),
+            load: body.load_n(),
+            has_spring: body.spring_n_per_m() > 0.0,
+        };
+        let bodies: Vec<LoadedBody> = self.bodies.iter().flatten().map(body).collect();
+        Floating::of(sides, membrane.size_mm, &bodies)
     }
 
     /// Returns what was ignored or assumed in the drawings of frame and bodies, each after the name of the file.

@@ -7,6 +7,7 @@ mod difference;
 mod drawing;
 mod drive;
 pub mod effects;
+mod floating;
 mod geometry;
 mod leads;
 mod library;
@@ -31,6 +32,7 @@ pub use effects::{
     Branch, Breakdown, ConstantStrength, Effects, Electrode, ElectrodeResistance, HuangStrength, Inertia, On,
     PermittivityDecay, PermittivityReference, Properties, Stiffening, Viscoelasticity, ViscousLaw, laws,
 };
+pub use floating::{Floating, Pivot};
 pub use geometry::{Body, Both, Curves, Frame, Geometry, MOST_BODIES};
 pub use leads::{Edge, Leads, Unreached};
 pub use library::splice_material;

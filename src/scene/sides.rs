@@ -434,53 +434,6 @@ impl Sides {
         }
     }
 
-    /// Returns a rigid motion of a membrane of a size that neither the sides nor springs at these points resist, in
-    /// words.
-    pub(super) fn unresisted(&self, size: [f64; 2], springs: &[[f64; 2]]) -> Option<&'static str> {
-        // Each constraint is a row for a translation along x, one along y, and a turn about the middle.
-        let half = size.map(|side| 0.5 * side);
-        let at = |[x, y]: [f64; 2], axis: usize| match axis {
-            0 => [1.0, 0.0, (half[1] - y) / half[1]],
-            _ => [0.0, 1.0, (x - half[0]) / half[0]],
-        };
-        const TURN: [f64; 3] = [0.0, 0.0, 1.0];
-        let mut rows: Vec<[f64; 3]> = springs
-            .iter()
-            .flat_map(|point| [0, 1].map(|axis| at(*point, axis)))
-            .collect();
-        for (edge, side) in self.iter() {
-            let middle = edge.middle(size);
-            let held = match side.bar() {
-                Some(bar) => {
-                    let [x, y, turns] = bar.moves();
-                    rows.extend((!turns).then_some(TURN));
-                    [x, y].map(|moves| !moves || bar.spring_n_per_m() > 0.0)
-                }
-                None => side.holds(edge),
-            };
-            rows.extend((0..2).filter(|axis| held[*axis]).map(|axis| at(middle, axis)));
-            rows.extend((side.bar().is_none() && held.contains(&true)).then_some(TURN));
-        }
-        let has = |motion: usize| rows.iter().any(|row| row[motion] != 0.0);
-        let gram = |i: usize, k: usize| rows.iter().map(|row| row[i] * row[k]).sum::<f64>();
-        let minor = |i: usize, k: usize| {
-            let [[a, b], [c, d]] = [[(i + 1) % 3, (i + 2) % 3], [(k + 1) % 3, (k + 2) % 3]];
-            gram(a, c) * gram(b, d) - gram(a, d) * gram(b, c)
-        };
-        let determinant: f64 = (0..3).map(|k| gram(0, k) * minor(0, k)).sum();
-        if !has(0) {
-            Some("nothing holds the membrane along x")
-        } else if !has(1) {
-            Some("nothing holds the membrane along y")
-        } else if determinant < 1e-9 {
-            Some("nothing keeps the membrane from turning")
-        } else {
-            None
-        }
-    }
-}
-
-impl Sides {
     /// Returns the symmetries that map each side to one with the same support.
     pub(super) fn symmetries(&self, of: Symmetries) -> Symmetries {
         of.filter(|g| {
@@ -758,15 +711,23 @@ mod tests {
                 "only turn",
             ),
             (
-                "{ left: free, right: { bar: {} }, top: free, bottom: free }",
+                "{ left: free, right: { bar: { load: [1 N, 0 N] } }, top: free, bottom: free }",
                 "nothing holds the membrane along x",
             ),
             (
-                "{ left: roller, right: free, top: free, bottom: free }",
+                "{ left: roller, right: { load: [1 N, 0.1 N] }, top: free, bottom: free }",
                 "nothing holds the membrane along y",
             ),
             (
-                "{ left: free, right: { bar: { moves: [turn] } }, top: free, bottom: free }",
+                "{ left: { load: [0 N, -1 N] }, right: { load: [0 N, 1 N] }, top: free, bottom: free }",
+                "nothing keeps the membrane from turning",
+            ),
+            (
+                "{ left: free, right: { bar: { moves: [turn], load: [1 N, 0 N], at: 4 mm } }, top: free, bottom: free }",
+                "nothing keeps the membrane from turning",
+            ),
+            (
+                "{ left: { bar: { moves: [y, turn] } }, right: { bar: { moves: [turn] } }, top: free, bottom: free }",
                 "nothing keeps the membrane from turning",
             ),
         ] {
@@ -780,7 +741,47 @@ mod tests {
             "{ left: free, right: { bar: { spring: 1 N/m, moves: [x, y] } }, top: free, bottom: free }",
             "{ left: roller, right: free, bottom: roller, top: free }",
         ] {
-            sides(text).unwrap();
+            assert!(sides(text).unwrap().geometry.floating().is_none(), "{text}");
+        }
+    }
+    #[test]
+    fn motions_of_the_whole_that_nothing_resists_are_found() {
+        use crate::{Edge, Floating, Pivot};
+        let free = |along, turn| Floating { along, turn };
+        for (text, expected) in [
+            (
+                "{ left: free, right: free, top: free, bottom: free }",
+                free([true; 2], Some(Pivot::Any)),
+            ),
+            (
+                "{ left: free, right: { bar: {} }, top: free, bottom: free }",
+                free([true; 2], Some(Pivot::Any)),
+            ),
+            (
+                "{ left: roller, right: { load: [1 N, 0 N] }, top: free, bottom: free }",
+                free([false, true], None),
+            ),
+            (
+                "{ left: free, right: { bar: { moves: [turn] } }, top: free, bottom: free }",
+                free([false; 2], Some(Pivot::Bar(Edge::Right))),
+            ),
+            (
+                "{ left: free, right: { bar: { moves: [x, turn] } }, top: free, bottom: free }",
+                free([true, false], Some(Pivot::Bar(Edge::Right))),
+            ),
+            (
+                "{ left: { bar: { load: [-1 N, 0 N], at: 2 mm } }, right: { bar: { load: [1 N, 0 N], at: 2 mm } }, top: \
+                 free, bottom: free }",
+                free([true; 2], None),
+            ),
+            (
+                "{ left: { load: [0 N, -0.5 N] }, right: { load: [0 N, 0.5 N] }, top: { load: [1 N, 0 N] }, bottom: { \
+                 load: [-1 N, 0 N] } }",
+                free([true; 2], None),
+            ),
+        ] {
+            let found = sides(text).map(|scene| scene.geometry.floating());
+            assert_eq!(found, Ok(expected), "{text}");
         }
     }
 }

@@ -155,3 +155,69 @@ fn the_genetic_algorithm_keeps_the_area_of_strokes() {
     let [area, value] = numbers.map(|number| number.unwrap().parse::<f64>().unwrap());
     assert!((area - 0.5).abs() <= 0.02 && value > 5.0, "{shown}");
 }
+
+#[test]
+fn membranes_that_nothing_holds_need_loads_in_balance() {
+    let workspace = Workspace::new();
+    workspace.write(
+        "sheet.yaml",
+        "geometry: { size: [20 mm, 10 mm], thickness: 1 mm, prestretch: 2, cells: [4, 2], sides: { left: free, right: \
+         free, top: free, bottom: free } }\nmaterial: { model: neo-hookean, shear_modulus: 45 kPa, \
+         relative_permittivity: 4.7 }\ndrive: { voltage: 4 kV }\n",
+    );
+    workspace.write("half.csv", "1,1,0,0\n1,1,0,0\n");
+    let solve = |sides: &str, more: &[&str]| {
+        let set = format!("geometry.sides={{ {sides}, top: free, bottom: free }}");
+        let arguments = ["solve", "sheet.yaml", "half.csv", "--set", &set];
+        workspace.run(&[&arguments[..], more].concat())
+    };
+    let both = |left: &str, right: &str| format!("left: {{ load: [{left}] }}, right: {{ load: [{right}] }}");
+    for (sides, said) in [
+        (
+            "left: free, right: free".to_owned(),
+            "nothing holds the membrane along x and y, and nothing keeps it from turning: its mean displacement and its \
+             mean turn are zero",
+        ),
+        (
+            "left: roller, right: free".to_owned(),
+            "nothing holds the membrane along y: its mean displacement along it is zero",
+        ),
+        (
+            both("-0.1 N, 0 N", "0.1 N, 0 N"),
+            "nothing holds the membrane along x and y: its mean displacement is zero",
+        ),
+    ] {
+        let ended = solve(&sides, &["--no-checks"]);
+        assert!(
+            ended.code == Some(0) && ended.stdout.contains(said),
+            "{} {}",
+            ended.stdout,
+            ended.stderr
+        );
+    }
+    for (sides, more, said) in [
+        (
+            both("0.1 N, 0 N", "0.1 N, 0 N"),
+            &[][..],
+            "nothing holds the membrane along x",
+        ),
+        (
+            both("0 N, 0.1 N", "0 N, -0.1 N"),
+            &[][..],
+            "nothing keeps the membrane from turning",
+        ),
+        (
+            both("-0.1 N, 0 N", "0.1 N, 0 N"),
+            &["--path=load", "-o", "path.h5"][..],
+            "which is not simulated with a path of the load",
+        ),
+    ] {
+        let ended = solve(&sides, more);
+        assert!(
+            ended.code == Some(2) && ended.stderr.contains(said),
+            "{} {}",
+            ended.stdout,
+            ended.stderr
+        );
+    }
+}

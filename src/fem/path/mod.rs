@@ -17,6 +17,7 @@ use deaflow_scene::Scene;
 use super::cells::compressed_fraction;
 use super::effects::WithMaterial;
 use super::error::SetupError;
+use super::gauge::check_resisted;
 use super::layout::SIDES;
 use super::material::Material;
 use super::observable::States;
@@ -69,7 +70,14 @@ impl PathParameter {
         }
         match self {
             Self::Voltage => Ok(None),
-            Self::Load => scene.without_loads().map(Some).ok_or(SetupError::NoLoads),
+            Self::Load => {
+                let start = scene.without_loads().ok_or(SetupError::NoLoads)?;
+                // What the loads resist is singular without them.
+                if start.geometry.floating() != scene.geometry.floating() {
+                    check_resisted(&start, "a path of the load")?;
+                }
+                Ok(Some(start))
+            }
             Self::Displacement => scene
                 .without_displacements()
                 .map(Some)

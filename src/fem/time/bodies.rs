@@ -4,9 +4,9 @@ use std::f64::consts::TAU;
 
 use crate::grid::Grid;
 use crate::mass::Mass;
+use crate::rigid::{Pose, Rigid};
 use crate::sheet::SheetSides;
 use crate::stored::Units;
-use crate::supports::Pose;
 
 /// Returns the energy of the springs of bodies and bars, and the work of the loads on them and on sides since the
 /// mount, in J.
@@ -42,7 +42,7 @@ pub fn slowed_by_bars(grid: &Grid) -> f64 {
 pub fn shortest_period(grid: &Grid, mass: &Mass) -> Option<f64> {
     let supports = grid.supports()?;
     let len = grid.layout().vector_len();
-    let period = |body: &crate::supports::Rigid| {
+    let period = |body: &Rigid| {
         let (mut along, mut image) = (vec![0.0; len], vec![0.0; len]);
         body.nodes.write(&Pose::REST, [1.0, 0.0, 0.0], &mut along);
         mass.apply(&along, &mut image);

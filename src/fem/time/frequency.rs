@@ -18,6 +18,7 @@ use crate::direct::Structure;
 use crate::dynamic_stiffness::{At, DynamicStiffness, Orders, Solved};
 use crate::effects::WithMaterial;
 use crate::error::SetupError;
+use crate::gauge::check_resisted;
 use crate::material::Material;
 use crate::memory::Memory;
 use crate::operator::{Activity, Operator, metrics};
@@ -146,6 +147,7 @@ impl FrequencySolver {
         if scene.voltage_v() <= 0.0 {
             return Err(SetupError::NoBias);
         }
+        check_resisted(scene, "frequency responses")?;
         let has_mass = scene.effects.inertia.is_some();
         let speed = has_mass.then(|| wave_speed(scene)).transpose()?;
         let solver = MembraneSolver::new(scene, options)?.within(limit);

@@ -16,6 +16,7 @@ use crate::charge;
 use crate::continuation::Problem;
 use crate::effects::WithMaterial;
 use crate::error::SetupError;
+use crate::gauge::check_resisted;
 use crate::mass::Mass;
 use crate::material::Material;
 use crate::operator::Activity;
@@ -204,6 +205,11 @@ pub fn refusal(scene: &Scene) -> Option<SetupError> {
         scene.drive.source.is_some() || scene.drive.charge.as_ref().is_some_and(|charge| charge.total.is_some());
     if charges && scene.effects.inertia.is_some() && scene.effects.wrinkling.is_some() {
         return Some(SetupError::MovingCharge);
+    }
+    if scene.effects.inertia.is_some()
+        && let Err(refusal) = check_resisted(scene, "inertia")
+    {
+        return Some(refusal);
     }
     if scene.geometry.sides.is_some() && scene.effects.viscoelasticity.is_some() && scene.drive.rest.is_some() {
         // Branches that have not relaxed move the sides before the drive.

@@ -11,14 +11,15 @@ use deaflow_linalg::{Eigen, Mat, eigen};
 use crate::effects::WithMaterial;
 use crate::eigenvalue::{dot, precondition};
 use crate::error::SetupError;
+use crate::gauge::check_resisted;
 use crate::grid::Grid;
 use crate::mass::Mass;
 use crate::material::Material;
 use crate::operator::{Activity, Operator};
 use crate::out_of_plane::{self, OutOfPlane};
 use crate::precondition::Laplacian;
+use crate::rigid::Rigid;
 use crate::solver::MembraneSolver;
-use crate::supports::Rigid;
 use deaflow_base::Stream;
 use deaflow_field::{Field, Outcome};
 use deaflow_pattern::Pattern;
@@ -91,6 +92,7 @@ impl MembraneSolver {
         if self.scene.drive.charge.is_some() {
             return Err(SetupError::Charge);
         }
+        check_resisted(&self.scene, "natural frequencies")?;
         if !self.grid.moves() {
             return Err(SetupError::NothingMoves);
         }

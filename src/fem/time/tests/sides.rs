@@ -516,3 +516,67 @@ fn modes_of_heavy_bars_are_those_of_one_bar_on_a_light_strip() {
         }
     }
 }
+
+#[test]
+fn a_free_sheet_creeps_as_a_quarter_on_rollers() {
+    for law in LAWS {
+        let device = |size: [f64; 2], cells: [usize; 2], sides: &str| {
+            let ([x, y], [columns, rows]) = (size, cells);
+            scene(&format!(
+                "geometry: {{ size: [{x} mm, {y} mm], thickness: 1 mm, prestretch: [2, 1.5], cells: [{columns}, \
+                 {rows}], sides: {{ {sides}, right: free, top: free }} }}, drive: {{ voltage: 12 kV }}, {}",
+                of_law(law, "{ modulus: 45 kPa, time: 1 s }")
+            ))
+        };
+        let whole = device([24.0, 16.0], [6, 4], "left: free, bottom: free");
+        let quarter = device([12.0, 8.0], [3, 2], "left: roller, bottom: roller");
+        let found = within(
+            &whole,
+            &Pattern::from_fn(whole.membrane().raster, |x, y| {
+                (1..5).contains(&x) && (1..3).contains(&y)
+            }),
+            vec![0.0, 1.0, 20.0],
+            1e-5,
+        );
+        let known = within(
+            &quarter,
+            &Pattern::from_fn(quarter.membrane().raster, |x, y| x < 2 && y < 1),
+            vec![0.0, 1.0, 20.0],
+            1e-5,
+        );
+        assert!(found.fields[2].max_difference(&found.fields[0]) > 0.01);
+        for (field, known) in found.fields.iter().zip(&known.fields) {
+            for (x, y) in (0..=3).flat_map(|x| (0..=2).map(move |y| (x, y))) {
+                let ([a, b], [p, q]) = (field.at_corner(3 + x, 2 + y), known.at_corner(x, y));
+                assert!((a - p).hypot(b - q) < 2e-5, "{law} {x} {y}: {a} {p} {b} {q}");
+            }
+        }
+    }
+}
+
+#[test]
+fn motions_of_floating_sheets_are_refused() {
+    let text = "geometry: { size: [24 mm, 16 mm], thickness: 1 mm, prestretch: 2, cells: [6, 4], sides: { left: free, \
+                right: free, top: free, bottom: roller } }, drive: { voltage: 5 kV }";
+    let scene = scene(&format!(
+        "{text}, properties: {{ density: 960 }}, effects: {{ inertia: {{}} }}"
+    ));
+    let why = "nothing holds the membrane along x, which is not simulated with";
+    let solver = MembraneSolver::new(&scene, SolveOptions::on(Mesh::bilinear(1))).unwrap();
+    let pattern = all(&scene);
+    let refused = solver.history(&pattern, &HistoryRequest::at(vec![1e-3])).unwrap_err();
+    assert!(refused.to_string().starts_with(&format!("{why} inertia")), "{refused}");
+    let refused = solver.vibration(&pattern, 2, false).unwrap_err();
+    assert!(
+        refused.to_string().starts_with(&format!("{why} natural frequencies")),
+        "{refused}"
+    );
+    let options = SolveOptions::on(Mesh::bilinear(1));
+    let refused = FrequencySolver::new(&scene, options, WorkLimit::default())
+        .err()
+        .unwrap();
+    assert!(
+        refused.to_string().starts_with(&format!("{why} frequency responses")),
+        "{refused}"
+    );
+}
