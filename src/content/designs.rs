@@ -6,10 +6,59 @@ use super::intervals::{DesignInterval, DesignIntervals};
 use super::macros::arrays;
 use super::part::LongTexts;
 use super::solutions::SolvedHistories;
-use deaflow_field::{Field, OutcomeKind};
+use deaflow_field::{Field, OutcomeKind, REACTION_UNIT};
 use deaflow_pattern::{CELLS, Pattern, Role};
 use deaflow_scene::{Effects, Scene};
-use deaflow_store::StoreError;
+use deaflow_store::{Artifact, Object, StoreError};
+
+/// The arrays of values of designs, which are forces in place of displacements if the objective is a `reaction`.
+const VALUES: [&str; 3] = ["value", "history/value", "climb/value"];
+
+/// The same of verified designs.
+const VERIFIED_VALUES: [&str; 3] = ["component/predicted", "component/simulated", "component/error"];
+
+/// Sets the unit of arrays.
+fn in_unit(mut object: Object, paths: &[&str], unit: &str) -> Object {
+    for path in paths {
+        if let Some(dataset) = object.datasets.get_mut(*path) {
+            unit.clone_into(&mut dataset.units);
+        }
+    }
+    object
+}
+
+/// Returns the unit of an array of values; mm without the array.
+fn unit_of(artifact: &Artifact, path: &str) -> Result<&'static str, StoreError> {
+    let mut values = artifact.contents()?.iter().filter(|content| content.path == path);
+    let is_force = values.any(|content| content.units == REACTION_UNIT);
+    Ok(if is_force { REACTION_UNIT } else { "mm" })
+}
+
+impl Designs {
+    /// Like [`Self::object`], with values in a unit: mm for displacements, mN for forces of sides.
+    #[must_use]
+    pub fn object_in(self, unit: &str) -> Object {
+        in_unit(self.object(), &VALUES, unit)
+    }
+}
+
+impl DesignsView<'_> {
+    /// Returns the unit of the values.
+    ///
+    /// # Errors
+    /// If a chunk is missing or damaged.
+    pub fn unit(&self) -> Result<&'static str, StoreError> {
+        unit_of(self.artifact(), VALUES[0])
+    }
+}
+
+impl Verification {
+    /// Like [`Self::object`], with values in a unit: mm for displacements, mN for forces of sides.
+    #[must_use]
+    pub fn object_in(self, unit: &str) -> Object {
+        in_unit(self.object(), &VERIFIED_VALUES, unit)
+    }
+}
 
 /// Units of a genome of the genetic algorithm along a side of the membrane.
 pub const GENOME_UNITS: usize = 20;
@@ -159,7 +208,7 @@ arrays! {
     pub struct Designs, DesignsView {
         /// The patterns.
         rows: DesignRows = group(""),
-        /// Predicted mean displacement along the target directions.
+        /// Predicted mean displacement along the target directions; in mN for a `reaction`, as in all values.
         value: Vec<f64> = array("value", "mm", [row]),
         /// Fitness, smaller is better.
         fitness: Vec<f64> = array("fitness", "1", [row]),
@@ -300,6 +349,14 @@ arrays! {
 }
 
 impl VerificationView<'_> {
+    /// Returns the unit of the values.
+    ///
+    /// # Errors
+    /// If a chunk is missing or damaged.
+    pub fn unit(&self) -> Result<&'static str, StoreError> {
+        unit_of(self.artifact(), VERIFIED_VALUES[1])
+    }
+
     /// Returns for each pattern its row in the simulated arrays; `None` without a field.
     ///
     /// # Errors

@@ -126,8 +126,11 @@ fn rank(aims: &[PlacedAim], raster: Raster, cell: usize, drivers: &[u8]) -> Rank
 /// The signed distance of a position relative to its point from the line through the point. The design for a rotation
 /// is a windmill: four blades, each of which pushes one side of the body.
 fn before(aim: &PlacedAim, from: [f64; 2]) -> f64 {
+    let along = from[0] * aim.direction[0] + from[1] * aim.direction[1];
     match aim.subject {
-        Subject::Point | Subject::Translation(_) => from[0] * aim.direction[0] + from[1] * aim.direction[1],
+        Subject::Point | Subject::Translation(_) => along,
+        // A side whose force on the membrane changes along the direction is pushed against it.
+        Subject::Reaction(_) => -along,
         Subject::Rotation(_) => -aim.direction[0] * from[0].hypot(from[1]) * (4.0 * from[1].atan2(from[0])).sin(),
     }
 }

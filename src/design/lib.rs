@@ -29,7 +29,7 @@ pub use intuitive::Intuitive;
 pub use local_search::{LocalOptimum, SearchProblem, SearchStep, StartError};
 pub use objective::{
     AREA_PENALTY, Aim, BodyMarkers, Displacement, Distance, Goal, GoalError, MEASURES, Measure, Motion, Objective,
-    PlacedAim, Qin2024, ResponseKind, RoughScore, Subject,
+    PlacedAim, Qin2024, ResponseKind, RoughScore, Subject, value_unit,
 };
 pub use options::{Method, SearchOptions};
 pub use planned::PlannedDesign;

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::objective::ResponseKind;
+use super::objective::{ResponseKind, value_unit};
 use super::options::Method;
 use deaflow_base::{InputError, Node};
 
@@ -19,6 +19,8 @@ pub struct PlannedDesign {
     pub objective: String,
     /// The response that the objective measures.
     pub response: ResponseKind,
+    /// Whether its values are forces of sides.
+    pub is_reaction: bool,
     /// The target area fraction, or `free`.
     pub area: String,
     /// The constraints in YAML, as in artifacts.
@@ -58,6 +60,19 @@ impl PlannedDesign {
                 .error(message)
                 .help("give them different `case` labels or target names"))
         };
+        if let Some((force, motion)) = designs
+            .iter()
+            .find(|design| design.is_reaction)
+            .zip(designs.iter().find(|design| !design.is_reaction))
+        {
+            return Err(needs
+                .error(format!(
+                    "{} have values in {} and in mm, which are not in one artifact",
+                    both(force, motion),
+                    value_unit(true)
+                ))
+                .help("verify them in two stages"));
+        }
         for group in groups(designs) {
             let (first, mut known) = (group[0], Vec::<&Self>::new());
             for design in group {
@@ -142,6 +157,7 @@ mod tests {
             target: target.into(),
             objective: "{ point: [25, 25], direction: 0 }".into(),
             response: ResponseKind::Equilibrium,
+            is_reaction: false,
             area: "0.5".into(),
             constraints: "{}".into(),
             method,

@@ -34,6 +34,12 @@ impl DesignTask {
             None => ConstraintParameters::none_in(scene).map_err(|e| stage.error(e.to_string()))?,
         };
         let targets = targets.in_scene(map, scene, options.area_penalty.to_f64())?;
+        let forces = targets.iter().filter(|target| target.objective.is_reaction()).count();
+        if forces > 0 && forces < targets.len() {
+            let message = "some targets are reactions, in mN, and others motions, in mm";
+            let node = map.optional("targets").unwrap_or(stage);
+            return Err(node.error(message).help("design them in two stages"));
+        }
         Ok(Self { targets, constraints })
     }
 
@@ -46,6 +52,7 @@ impl DesignTask {
             target: target.name.clone(),
             objective: target.objective.to_text(),
             response: target.objective.response(),
+            is_reaction: target.objective.is_reaction(),
             area: target.area.to_string(),
             constraints: self.constraints.to_text(),
             method: options.method,

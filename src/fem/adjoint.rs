@@ -4,6 +4,10 @@
 //! tangent A (for instance Bendsøe and Sigmund, Topology Optimization, 2003, section 1.2.2). The energy is linear in
 //! the activity S, so ∂R/∂S is the difference between the active and the bare stress. Of electrodes that cover parts of
 //! cells, S is the covered share, and ∂R/∂S that of laminates.
+//!
+//! A functional J = e · r of the nodal forces r of the membrane without supports, such as the force of a side, also
+//! depends on S directly: dJ/dS = (e − ψ) · ∂r/∂S, where Aψ is K e, with the tangent K without supports, at the nodes
+//! that move.
 
 use deaflow_field::{Field, Order};
 use deaflow_pattern::Part;
@@ -14,6 +18,7 @@ use super::material::Material;
 use super::newton::{self, NewtonFailure, Workspace};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
+use super::reactions::SideForces;
 
 /// Computes dJ/dS of each cell, `[y][x]`, for J = Σ weights · u over the cell corners, with u in units of
 /// [`super::grid::Grid::unit_mm`].
@@ -30,9 +35,18 @@ pub fn gradient<L: Material>(
 ) -> Result<Vec<f64>, NewtonFailure> {
     let load = operator.activity.grid().spread(weights, u);
     let adjoint = newton::solve_tangent(operator, laplacian, tolerance, u, &load, workspace)?;
+    of_all_cells(operator, u, &adjoint)
+}
+
+/// Computes −ψ · ∂R/∂S of each cell, also where electrodes cover a part of it.
+fn of_all_cells<L: Material>(
+    operator: &Operator<'_, L>,
+    u: &[f64],
+    adjoint: &[f64],
+) -> Result<Vec<f64>, NewtonFailure> {
     match operator.laminates() {
-        Some(laminates) => laminates.gradient(u, &adjoint).ok_or(NewtonFailure::NegativeCurvature),
-        None => Ok(of_cells(operator, u, &adjoint)),
+        Some(laminates) => laminates.gradient(u, adjoint).ok_or(NewtonFailure::NegativeCurvature),
+        None => Ok(of_cells(operator, u, adjoint)),
     }
 }
 
@@ -42,18 +56,47 @@ pub struct InMm<'a> {
     pub laplacian: &'a Laplacian,
     pub u: &'a [f64],
     pub weights: &'a Field,
+    /// The forces of the sides, if J depends on them.
+    pub forces: Option<&'a SideForces<'a>>,
     pub workspace: &'a mut Workspace,
+}
+
+impl InMm<'_> {
+    /// Computes the gradient of Σ weights · forces of the sides in mN.
+    fn of_forces<L: Material>(
+        &mut self,
+        operator: &Operator<'_, L>,
+        forces: &SideForces<'_>,
+    ) -> Result<Vec<f64>, NewtonFailure> {
+        let mut motion = vec![0.0; self.u.len()];
+        forces.weigh(self.weights.reactions(), &mut motion);
+        let mut load = vec![0.0; self.u.len()];
+        let open = Operator::new(operator.material, forces.activity());
+        open.tangent(self.u, &motion, &mut load);
+        self.activity.grid().restrict(self.u, &mut load);
+        let mut adjoint = newton::solve_tangent(operator, self.laplacian, EXACT, self.u, &load, self.workspace)?;
+        adjoint.iter_mut().zip(&motion).for_each(|(psi, e)| *psi -= e);
+        of_all_cells(operator, self.u, &adjoint)
+    }
 }
 
 impl WithMaterial for InMm<'_> {
     type Output = Option<Vec<f64>>;
 
-    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Vec<f64>> {
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(mut self, material: F) -> Option<Vec<f64>> {
         let material = material(1.0);
         let operator = Operator::new(&material, self.activity);
+        let of_forces = match self.forces {
+            Some(forces) => Some(self.of_forces(&operator, forces).ok()?),
+            None => None,
+        };
         let found = gradient(&operator, self.laplacian, EXACT, self.u, self.weights, self.workspace);
         let unit = self.activity.grid().unit_mm();
-        Some(found.ok()?.iter().map(|g| g * unit).collect())
+        let mut found: Vec<f64> = found.ok()?.iter().map(|g| g * unit).collect();
+        if let Some(of_forces) = of_forces {
+            found.iter_mut().zip(of_forces).for_each(|(sum, own)| *sum += own);
+        }
+        Some(found)
     }
 }
 

@@ -94,10 +94,7 @@ impl Differentiable for GradientEvaluator {
 
     fn predict_near(&self, base: &Pattern, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
         let start = self.solver.solve(base);
-        let fields = self.solver.fields_near(&start, patterns).into_iter().zip(patterns);
-        Ok(fields
-            .map(|(field, pattern)| Some(self.solver.counted_from_rest(pattern, field?)))
-            .collect())
+        Ok(self.solver.strokes_near(&start, patterns))
     }
 
     /// Uses one bilinear element per cell; `None` if the half-active membrane is unstable, the drive is a charge, or a

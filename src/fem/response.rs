@@ -146,6 +146,7 @@ impl LinearResponse {
                 laplacian: &self.laplacian,
                 u: &self.rest,
                 weights,
+                forces: None,
                 workspace,
             })?;
             let pairs = weights.values().iter().zip(loaded.values());

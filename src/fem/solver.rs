@@ -22,6 +22,7 @@ use super::newton::{self, Workspace};
 use super::observable::{CellState, states};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
+use super::reactions::SideForces;
 use super::stability::Loss;
 use super::work::WorkLimit;
 
@@ -216,16 +217,13 @@ impl MembraneSolver {
     /// held, from the mount otherwise.
     #[must_use]
     pub(super) fn stroke(&self, pattern: &Pattern, solution: &MeshSolution) -> Field {
-        self.counted_from_rest(pattern, self.field(solution))
+        self.stroke_of(pattern, &solution.displacement)
     }
 
-    /// Like [`Self::stroke`], for a field.
-    pub(super) fn counted_from_rest(&self, pattern: &Pattern, field: Field) -> Field {
-        let observation = Observation {
-            rest: self.rest_of(pattern),
-            ..Observation::default()
-        };
-        observation.displacement_from_rest(&field)
+    /// Like [`Self::stroke`], for a displacement of the nodes.
+    fn stroke_of(&self, pattern: &Pattern, u: &[f64]) -> Field {
+        let observation = self.observe_sides(pattern, u);
+        observation.displacement_from_rest(&self.grid.sample(u))
     }
 
     /// Converts a solution of this pattern to the result of [`Simulator::simulate`].
@@ -252,14 +250,13 @@ impl MembraneSolver {
         }
     }
 
-    /// Returns the displacements at the cell corners, in mm, of patterns that differ little from that of a solution:
-    /// equilibria near it with a residual of [`NEAR`] times that at rest. Their stability is not checked; `None` if
+    /// Returns the [strokes](Self::stroke) of patterns that differ little from that of a solution: equilibria near it with a residual of [`NEAR`] times that at rest. Their stability is not checked; `None` if
     /// there is none.
     #[must_use]
-    pub(super) fn fields_near(&self, solution: &MeshSolution, patterns: &[Pattern]) -> Vec<Option<Field>> {
+    pub(super) fn strokes_near(&self, solution: &MeshSolution, patterns: &[Pattern]) -> Vec<Option<Field>> {
         // A prescribed charge needs a search for its voltage, from rest.
         if !solution.outcome.is_converged() || self.scene.drive.charge.is_some() {
-            return self.simulate(patterns).into_iter().map(|found| found.field).collect();
+            return self.simulate(patterns).iter().map(Simulation::stroke).collect();
         }
         let scratch = || {
             let scratch = self.scratch(self.limit);
@@ -275,7 +272,7 @@ impl MembraneSolver {
                 activity: &self.activity(pattern),
                 scratch,
             });
-            found.then(|| self.grid.sample(&scratch.displacement))
+            found.then(|| self.stroke_of(pattern, &scratch.displacement))
         };
         patterns.par_iter().map_init(scratch, near).collect()
     }
@@ -283,18 +280,24 @@ impl MembraneSolver {
     /// Returns the gradient of J = Σ weights · u, with u in mm at the cell corners, with respect to the activity of
     /// each cell, `[y][x]`, which varies between 0 and 1: the covered share if electrodes cover parts of cells. `None`
     /// if the solution is not converged, or if the energy is not linear in the activity: with wrinkling, a fringe field
-    /// or a prescribed charge.
+    /// or a prescribed charge. The [reactions](Field::reactions) of `weights` are those of the forces of sides in mN.
     #[must_use]
     pub fn gradient(&self, pattern: &Pattern, solution: &MeshSolution, weights: &Field) -> Option<Vec<f64>> {
         let is_charged = self.scene.drive.charge.is_some();
         if !solution.outcome.is_converged() || !self.model.is_linear_in_cells() || is_charged {
             return None;
         }
+        let weighs_forces = weights.reactions().as_flattened().iter().any(|weight| *weight != 0.0);
+        let forces = match weighs_forces {
+            true => Some(SideForces::new(self, pattern)?),
+            false => None,
+        };
         self.model.with(adjoint::InMm {
             activity: &self.activity(pattern),
             laplacian: &self.laplacian,
             u: &solution.displacement,
             weights,
+            forces: forces.as_ref(),
             workspace: &mut self.workspace(),
         })
     }
@@ -390,12 +393,12 @@ impl MembraneSolver {
         self.rest.get_or_init(|| self.find_rest(&bare())).as_deref()
     }
 
-    /// Returns the displacement without voltage in mm, if not all sides are held and it is stable.
-    fn rest_of(&self, pattern: &Pattern) -> Option<Field> {
+    /// Returns the displacement without voltage, if not all sides are held and it is stable.
+    fn rest_of(&self, pattern: &Pattern) -> Option<Cow<'_, [f64]>> {
         self.grid.boundary()?;
         match self.common_rest() {
-            Some(rest) => Some(self.grid.sample(rest)),
-            None => self.find_rest(pattern).map(|rest| self.grid.sample(&rest)),
+            Some(rest) => Some(Cow::Borrowed(rest)),
+            None => self.find_rest(pattern).map(Cow::Owned),
         }
     }
 
@@ -465,16 +468,29 @@ impl MembraneSolver {
         }
     }
 
+    /// Returns the state of rest and the forces of the sides, if not all sides are held.
+    fn observe_sides(&self, pattern: &Pattern, u: &[f64]) -> Observation {
+        let rest = self.rest_of(pattern);
+        let (reactions, reaction_changes) = match self.reactions_from_rest(pattern, u, rest.as_deref()) {
+            Some((reactions, changes)) => (Some(reactions), changes),
+            None => (None, None),
+        };
+        Observation {
+            reactions,
+            reaction_changes,
+            rest: rest.map(|rest| self.grid.sample(&rest)),
+            ..Observation::default()
+        }
+    }
+
     /// Returns the results of effects other than the displacement.
     fn observe(&self, pattern: &Pattern, solution: &MeshSolution) -> Observation {
         let effects = &self.scene.effects;
         let mut observation = Observation {
             bodies: self.grid.motions(&solution.displacement),
             bars: self.grid.bar_motions(&solution.displacement),
-            reactions: self.reactions(pattern, solution),
-            rest: self.rest_of(pattern),
             charged: solution.charged,
-            ..Observation::default()
+            ..self.observe_sides(pattern, &solution.displacement)
         };
         if effects.dielectric_breakdown.is_some() || effects.wrinkling.is_some() {
             let cells = self.cell_states(pattern, solution);

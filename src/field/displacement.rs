@@ -1,4 +1,4 @@
-//! A displacement field at the cell corners, for any mesh.
+//! A displacement field at the cell corners, for any mesh, with the forces of the sides.
 
 use deaflow_pattern::{CELLS, Raster, Symmetry};
 
@@ -10,7 +10,17 @@ pub const CORNERS: usize = CELLS + 1;
 pub struct Field {
     raster: Raster,
     values: Vec<f64>,
+    reactions: Reactions,
 }
+
+/// The unit of [`Reactions`].
+pub const REACTION_UNIT: &str = "mN";
+
+/// Forces in mN along x and y of the left, right, lower and upper side.
+pub type Reactions = [[f64; 2]; 4];
+
+/// The normals of these sides.
+const NORMALS: [[f64; 2]; 4] = [[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]];
 
 /// Values that are not a field.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -46,9 +56,11 @@ impl Field {
     #[must_use]
     pub fn extrapolated(&self, from: &Self, factor: f64) -> Self {
         let pairs = self.values.iter().zip(&from.values);
+        let beyond = |own: f64, other: f64| own + factor * (own - other);
         Self {
             raster: self.raster,
-            values: pairs.map(|(own, other)| own + factor * (own - other)).collect(),
+            values: pairs.map(|(own, other)| beyond(*own, *other)).collect(),
+            reactions: combined(&self.reactions, &from.reactions, beyond),
         }
     }
 
@@ -58,6 +70,7 @@ impl Field {
         Self {
             raster: self.raster,
             values: self.values.iter().map(|value| factor * value).collect(),
+            reactions: self.reactions.map(|force| force.map(|value| factor * value)),
         }
     }
 
@@ -68,6 +81,7 @@ impl Field {
         Self {
             raster: self.raster,
             values: pairs.map(|(own, other)| own + factor * other).collect(),
+            reactions: combined(&self.reactions, &other.reactions, |own, other| own + factor * other),
         }
     }
 
@@ -77,7 +91,20 @@ impl Field {
         Self {
             raster,
             values: vec![0.0; 2 * raster.corners()],
+            reactions: Reactions::default(),
         }
+    }
+
+    /// Sets the change of the forces of the sides on the membrane from rest.
+    #[must_use]
+    pub fn with_reactions(self, reactions: Reactions) -> Self {
+        Self { reactions, ..self }
+    }
+
+    /// The change of the forces of the sides on the membrane from rest; zero if it is not known, as in files.
+    #[must_use]
+    pub fn reactions(&self) -> &Reactions {
+        &self.reactions
     }
 
     /// Creates a field from its values in mm, two for each corner.
@@ -91,7 +118,11 @@ impl Field {
         }
         match values.iter().position(|v| !v.is_finite()) {
             Some(at) => Err(FieldError::NotFinite { at }),
-            None => Ok(Self { raster, values }),
+            None => Ok(Self {
+                raster,
+                values,
+                reactions: Reactions::default(),
+            }),
         }
     }
 
@@ -191,8 +222,19 @@ impl Field {
         {
             values[2 * to..][..2].copy_from_slice(&g.apply_vector([u[0], u[1]]));
         }
+        let mut reactions = Reactions::default();
+        for (force, normal) in self.reactions.into_iter().zip(NORMALS) {
+            let image = g.apply_vector(normal);
+            if let Some(side) = NORMALS.iter().position(|other| *other == image) {
+                reactions[side] = g.apply_vector(force);
+            }
+        }
         let raster = self.raster.transformed(g);
-        Self { raster, values }
+        Self {
+            raster,
+            values,
+            reactions,
+        }
     }
 
     /// Returns the root mean square over all components of the difference from `other` in mm.
@@ -206,6 +248,11 @@ impl Field {
             .sum();
         (sum / self.values.len() as f64).sqrt()
     }
+}
+
+/// Combines two sets of forces number by number.
+fn combined(one: &Reactions, other: &Reactions, with: impl Fn(f64, f64) -> f64) -> Reactions {
+    std::array::from_fn(|side| std::array::from_fn(|c| with(one[side][c], other[side][c])))
 }
 
 #[cfg(test)]
@@ -239,6 +286,24 @@ mod tests {
                 assert_eq!(image.at_corner(x, y).map(|u| u * u).iter().sum::<f64>().sqrt(), mm);
             }
         }
+    }
+
+    #[test]
+    fn symmetries_move_the_forces_of_sides() {
+        let forces = [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [7.0, 8.0]];
+        let field = wavy(Raster::PAPER).with_reactions(forces);
+        let quarter = field.transformed(Symmetry::ALL[1]);
+        // The right side becomes the upper one, and x becomes y.
+        assert_eq!(
+            *quarter.reactions(),
+            [[-8.0, 7.0], [-6.0, 5.0], [-2.0, 1.0], [-4.0, 3.0]]
+        );
+        for g in Symmetry::ALL {
+            assert_eq!(field.transformed(g).transformed(g.inverse()), field);
+        }
+        let twice = field.plus(1.0, &field);
+        assert_eq!(twice, field.scaled(2.0));
+        assert_eq!(twice.extrapolated(&field, 1.0).reactions()[3], [21.0, 24.0]);
     }
 
     #[test]

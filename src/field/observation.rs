@@ -1,6 +1,6 @@
 //! Results of a solution other than the displacement.
 
-use crate::displacement::Field;
+use crate::displacement::{Field, Reactions};
 
 /// Largest share by which the critical voltage on one mesh may be too high.
 pub const MESH_OVERESTIMATE: f64 = 0.12;
@@ -25,6 +25,8 @@ pub struct Observation {
     /// If a side is not held: the force in N of the left, right, lower and upper side on the membrane; 0 along
     /// components that a side does not hold.
     pub reactions: Option<[[f64; 2]; 4]>,
+    /// The change of these forces by the voltage in mN.
+    pub reaction_changes: Option<Reactions>,
     /// If a side is not held: the displacement at 0 V, with all loads.
     pub rest: Option<Field>,
     /// Charge control: charge, voltage and stability.
@@ -54,13 +56,15 @@ pub struct Motion {
 }
 
 impl Observation {
-    /// Returns the displacement from rest: without voltage if not all sides are held, of the mount otherwise.
+    /// Returns the displacement from rest, without voltage if not all sides are held, of the mount otherwise; with the
+    /// change of the forces of the sides.
     #[must_use]
     pub fn displacement_from_rest(&self, field: &Field) -> Field {
-        match &self.rest {
+        let moved = match &self.rest {
             Some(rest) => field.plus(-1.0, rest),
             None => field.clone(),
-        }
+        };
+        moved.with_reactions(self.reaction_changes.unwrap_or_default())
     }
 
     /// Returns whether there are no results.

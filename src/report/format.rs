@@ -41,6 +41,13 @@ pub fn mm(value: f64) -> String {
     four_digits(value)
 }
 
+/// Returns a text with a capital first letter.
+pub fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    let first = letters.next().map(|first| first.to_uppercase().to_string());
+    first.unwrap_or_default() + letters.as_str()
+}
+
 /// Writes a number with five significant digits; integers in full.
 pub fn number(value: f64) -> String {
     let whole = value.fract() == 0.0 && value.abs() < 1e15;

@@ -298,6 +298,7 @@ mod tests {
             rows,
             largest_difference: None,
             not_stable: 0,
+            unit: "mm",
         }
     }
 

@@ -37,9 +37,18 @@ pub struct VerificationSummary {
     pub largest_difference: Option<f64>,
     /// Patterns with a prediction, but without a stable solution.
     pub not_stable: usize,
+    /// The unit of the values: mm, or mN for forces of sides, where keys end with `_mN`.
+    #[serde(skip_serializing_if = "is_mm")]
+    pub unit: &'static str,
 }
 
-/// A verified pattern. Displacements are means over the points along the target directions.
+/// Whether a unit is that of displacements.
+fn is_mm(unit: &&'static str) -> bool {
+    *unit == "mm"
+}
+
+/// A verified pattern. Displacements are means over the points along the target directions; those of forces of sides
+/// are in mN in place of mm.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RowSummary {
     /// Name of its design stage.
@@ -183,6 +192,7 @@ pub fn read(source: &ArtifactReader<'_>) -> Result<VerificationSummary, ReportEr
     }
     let compared: Vec<RowSummary> = rows.iter().map(|row| compared(row, &rows)).collect();
     Ok(VerificationSummary {
+        unit: source.of(verification.unit())?,
         stage: source.stage.stage.clone(),
         largest_difference: largest_difference(found(&compared)),
         not_stable: compared
@@ -197,7 +207,7 @@ impl VerificationSummary {
     /// Describes the best design of one target, or the range of the designs of several.
     #[must_use]
     pub fn result(&self) -> Headline {
-        let stage = &self.stage;
+        let (stage, unit) = (&self.stage, self.unit);
         let designs: Vec<&RowSummary> = found(&self.rows).collect();
         let solved: Vec<(&RowSummary, f64)> = designs
             .iter()
@@ -212,7 +222,7 @@ impl VerificationSummary {
                 _ => {
                     let drawn = self.rows.iter().find_map(|row| Some((row, row.simulated_mm?)));
                     let drawn = drawn.map_or_else(String::new, |(row, value)| {
-                        format!("; {}: {} mm", row.role_name(), row.rounded(value))
+                        format!("; {}: {} {unit}", row.role_name(), row.rounded(value))
                     });
                     format!("{stage}: no stable solution was found for any design that was searched{drawn}")
                 }
@@ -226,7 +236,7 @@ impl VerificationSummary {
                 most = if design.1 > most.1 { design } else { most };
             }
             let [least, most] = [least, most].map(|(row, value)| row.rounded(value));
-            let text = format!("{stage}: {} designs, simulated {least} to {most} mm", designs.len());
+            let text = format!("{stage}: {} designs, simulated {least} to {most} {unit}", designs.len());
             return match designs.iter().filter(|row| !is_met(row)).count() {
                 0 => Headline::good(text),
                 n => Headline::bad(format!("{text}; {n} violate constraints")),
@@ -234,12 +244,12 @@ impl VerificationSummary {
         }
         let mut text = format!("{stage}: best design ({})", best.role_name());
         if let Some(predicted) = best.comparable_prediction_mm() {
-            text += &format!(", predicted {} mm", mm(predicted));
+            text += &format!(", predicted {} {unit}", mm(predicted));
         }
         let word = simulation_word(best.outcome);
         let estimated = best.simulated_error_mm.map_or("", |_| " (mesh)");
         text += &format!(
-            ", {word} {} mm{estimated}",
+            ", {word} {} {unit}{estimated}",
             mm_measured(best_mm, best.simulated_error_mm)
         );
         if let Some(distance) = best.distance_mm {
@@ -421,7 +431,11 @@ fn largest_difference<'r>(rows: impl Iterator<Item = &'r RowSummary>) -> Option<
 
 impl fmt::Display for VerificationSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{}: displacement along the target directions", self.stage)?;
+        let what = match self.unit {
+            "mm" => "displacement along the target directions",
+            _ => "change of the force of sides on the membrane along the target directions",
+        };
+        writeln!(f, "{}: {what}", self.stage)?;
         let width = self
             .rows
             .iter()
@@ -429,7 +443,7 @@ impl fmt::Display for VerificationSummary {
             .max()
             .unwrap_or(0);
         for row in &self.rows {
-            writeln!(f, "  {:<width$}  {}", row.title(), Line(row))?;
+            writeln!(f, "  {:<width$}  {}", row.title(), Line(row, self.unit))?;
         }
         if self.rows.iter().any(|row| row.simulated_error_mm.is_some()) {
             writeln!(
@@ -466,11 +480,14 @@ impl fmt::Display for VerificationSummary {
                 percents(value)
             ),
             Some(value) => write!(f, "  predicted and simulated differ by up to {}", percents(value)),
-            None if self.rows.iter().any(|row| row.difference_mm.is_some()) => {
+            None if self.unit == "mm" && self.rows.iter().any(|row| row.difference_mm.is_some()) => {
                 write!(
                     f,
                     "  no pattern moves by more than a micrometre along the target directions"
                 )
+            }
+            None if self.rows.iter().any(|row| row.difference_mm.is_some()) => {
+                write!(f, "  no pattern changes a force by more than a micronewton")
             }
             None => write!(f, "  no pattern has both a prediction and a simulation"),
         }
@@ -485,21 +502,21 @@ fn simulation_word(outcome: OutcomeKind) -> &'static str {
     }
 }
 
-/// The numbers of a row.
-struct Line<'a>(&'a RowSummary);
+/// The numbers of a row, with the unit of its values.
+struct Line<'a>(&'a RowSummary, &'static str);
 
 impl fmt::Display for Line<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let row = self.0;
+        let Self(row, unit) = self;
         write!(f, "area {:>5.1} %, {:>6} mm²", 100.0 * row.area, three(row.area_mm2))?;
         match row.predicted_mm {
-            Some(value) => write!(f, "  predicted {:>7} mm", mm(value))?,
+            Some(value) => write!(f, "  predicted {:>7} {unit}", mm(value))?,
             None => write!(f, "  no prediction       ")?,
         }
         let word = simulation_word(row.outcome);
         match (row.simulated_mm, row.simulated_error_mm) {
-            (Some(value), Some(error)) => write!(f, "  {word} {:>16} mm", measured(value, error))?,
-            (Some(value), None) => write!(f, "  {word} {:>7} mm", mm(value))?,
+            (Some(value), Some(error)) => write!(f, "  {word} {:>16} {unit}", measured(value, error))?,
+            (Some(value), None) => write!(f, "  {word} {:>7} {unit}", mm(value))?,
             (None, _) => write!(f, "  no stable solution was found: {}", row.outcome)?,
         }
         if let Some(interval) = &row.interval {

@@ -17,7 +17,7 @@ use deaflow_scene::{Mask, Size};
 use deaflow_store::Store;
 
 /// The columns of the table of designs.
-pub const COLUMNS: [&str; 25] = [
+pub const COLUMNS: [&str; 28] = [
     "name",
     "case",
     "role",
@@ -32,6 +32,9 @@ pub const COLUMNS: [&str; 25] = [
     "predicted_mm",
     "simulated_mm",
     "simulated_error_mm",
+    "predicted_mN",
+    "simulated_mN",
+    "simulated_error_mN",
     "distance_mm",
     "intuitive_own_mm",
     "intuitive_equal_area_mm",
@@ -254,6 +257,7 @@ fn row(design: &Design) -> [String; COLUMNS.len()] {
     let number = |value: f64| format!("{:.6}", value + 0.0);
     let known = |value: Option<f64>| value.map_or_else(String::new, number);
     let (compared, interval) = (&design.compared, design.interval.as_ref());
+    let is_motion = design.objective.unit() == "mm";
     let of_interval = |of: fn(&NetworkInterval) -> f64| known(interval.map(of));
     [
         design.name.clone(),
@@ -267,13 +271,16 @@ fn row(design: &Design) -> [String; COLUMNS.len()] {
         design.area_target.clone(),
         number(design.area),
         number(design.area_mm2()),
-        known(design.predicted_mm),
-        known(design.simulated_mm),
-        known(design.error_mm),
+        known(design.predicted_mm.filter(|_| is_motion)),
+        known(design.simulated_mm.filter(|_| is_motion)),
+        known(design.error_mm.filter(|_| is_motion)),
+        known(design.predicted_mm.filter(|_| !is_motion)),
+        known(design.simulated_mm.filter(|_| !is_motion)),
+        known(design.error_mm.filter(|_| !is_motion)),
         known(design.distance_mm),
-        known(compared.intuitive_own),
-        known(compared.intuitive_equal_area),
-        known(compared.optimum),
+        known(compared.intuitive_own.filter(|_| is_motion)),
+        known(compared.intuitive_equal_area.filter(|_| is_motion)),
+        known(compared.optimum.filter(|_| is_motion)),
         known(compared.ratio),
         of_interval(|interval| interval.predicted_mm),
         of_interval(|interval| interval.lower_mm),
@@ -319,11 +326,11 @@ mod tests {
             lines[1],
             "I-centre-refined,I,refined,50,12.5 37.5,25 25,0 180,\
              \"{ points: [{ point: [12.5, 25], direction: 0 }, { point: [37.5, 25], direction: 180 deg }] }\",\
-             0.5,0.500000,1250.000000,1.000000,0.987654,,,,,,,1.000000,0.950000,1.050000,1.500000,1,\
+             0.5,0.500000,1250.000000,1.000000,0.987654,,,,,,,,,,1.000000,0.950000,1.050000,1.500000,1,\
              patterns/I-centre-refined.csv"
         );
         assert!(
-            lines[2].contains("direction: 0 }\",0.5,0.500000,1250.000000,1.000000,,,,,,,,,,,,,"),
+            lines[2].contains("direction: 0 }\",0.5,0.500000,1250.000000,1.000000,,,,,,,,,,,,,,,,"),
             "{}",
             lines[2]
         );

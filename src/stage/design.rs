@@ -16,7 +16,7 @@ use std::time::Instant;
 
 use serde_json::json;
 
-use super::results::of_targets;
+use super::results::{PREDICTED_REACTION, of_targets};
 use super::{drive_check, model, needed, scene};
 use deaflow_base::{Canonical, Declared, Fields, InputError, Map, Node, Parameter, parameters};
 use deaflow_content::Designs;
@@ -26,6 +26,7 @@ use deaflow_design::{
 };
 use deaflow_fem::effects::breakdown_ratio_at_rest;
 use deaflow_fem::{Method as Evaluation, Swing, ThreeSolves, no_pattern_limit, revision_of};
+use deaflow_field::REACTION_UNIT;
 use deaflow_orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_pattern::Symmetries;
 use deaflow_scene::{MOST_STATES, Scene};
@@ -119,9 +120,13 @@ impl Kind for DesignKind {
             .enumerate()
             .filter(|(_, (_, role))| role.is_found());
         let found: Vec<(&str, usize)> = found.map(|(row, (name, _))| (name.as_str(), row)).collect();
+        let value = match view.unit()? {
+            REACTION_UNIT => PREDICTED_REACTION,
+            _ => "predicted",
+        };
         Ok(of_targets(
             &found,
-            &[("predicted", &view.value().read()?), ("area", &rows.area().read()?)],
+            &[(value, &view.value().read()?), ("area", &rows.area().read()?)],
         ))
     }
 
@@ -190,6 +195,9 @@ impl Kind for DesignKind {
             check_response(target, &scene, node)?;
             if let ResponseKind::Amplitude(_) = target.objective.response() {
                 check_amplitude_evaluator(&map, evaluator)?;
+            }
+            if target.objective.is_reaction() {
+                refuse_networks(&map)?;
             }
         }
         Ok(Box::new(DesignStage {
@@ -392,6 +400,17 @@ fn check_pull_in_margin(task: &DesignTask, scene: &Scene, node: &Node) -> Result
         .help("lower the margin or the voltage, or use a thicker or stiffer membrane"))
 }
 
+/// Refuses networks for forces of sides.
+fn refuse_networks(map: &Map<'_>) -> Result<(), InputError> {
+    let has_some = |needs: &&Node| !needs.list("needs").is_ok_and(<[Node]>::is_empty);
+    match map.optional("needs").filter(has_some) {
+        None => Ok(()),
+        Some(node) => Err(node
+            .error("networks cannot predict forces of sides, and a target has a `reaction`")
+            .help("remove `needs`")),
+    }
+}
+
 /// Refuses networks and estimates: they cannot predict amplitudes.
 fn check_amplitude_evaluator(map: &Map<'_>, evaluator: EvaluatorChoice) -> Result<(), InputError> {
     let network = map.optional("needs");
@@ -565,7 +584,7 @@ impl Stage for DesignStage {
             options: &self.options,
             drivers: &drivers,
             elements: &ForTarget { stage: self, target },
-            progress: &Follow::new(job, self.options.generations),
+            progress: &Follow::new(job, self.options.generations, target.goal.unit()),
         };
         let found = search.run(|| evaluators(self.evaluator, &scene, (response, &target.goal), networks));
         let found = found.map_err(|error| match error {
@@ -583,7 +602,7 @@ impl Stage for DesignStage {
             let intervals = calibrated.intervals(&target.goal, &designs.rows.patterns)?;
             designs.rows.interval = Some(intervals);
         }
-        Ok(designs.object())
+        Ok(designs.object_in(target.goal.unit()))
     }
 
     fn attributes(&self) -> Vec<(String, String)> {

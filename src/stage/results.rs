@@ -1,6 +1,7 @@
 //! The results of stages: numbers by name.
 
 use deaflow_content::{ArtifactKind, Samples, Solutions};
+use deaflow_field::REACTION_UNIT;
 use deaflow_orchestrator::StageError;
 use deaflow_store::Artifact;
 
@@ -24,8 +25,8 @@ pub fn words_of(kind: &str) -> &'static [&'static str] {
         ArtifactKind::Measure => &["files", "rows"],
         ArtifactKind::Fit => &["fitted", "chi2_per_dof"],
         ArtifactKind::Compare => &["rms", "r_squared", "chi2_per_dof"],
-        ArtifactKind::Design => &["predicted", "area"],
-        ArtifactKind::Verify => &["displacement", "area", "predicted"],
+        ArtifactKind::Design => &["predicted", "predicted_reaction", "area"],
+        ArtifactKind::Verify => &["displacement", "reaction", "area", "predicted", "predicted_reaction"],
         ArtifactKind::Accuracy => &["max_error"],
         ArtifactKind::Audit => &["rows", "errors", "warnings"],
         ArtifactKind::Table => &[],
@@ -44,8 +45,16 @@ pub fn unit(name: &str) -> &'static str {
         "error",
     ];
     let word = name.split('.').next().unwrap_or(name);
-    if LENGTHS.contains(&word) { "mm" } else { "1" }
+    match word {
+        REACTION | PREDICTED_REACTION => REACTION_UNIT,
+        word if LENGTHS.contains(&word) => "mm",
+        _ => "1",
+    }
 }
+
+/// The simulated and the predicted value of a design whose objective is a `reaction`.
+pub const REACTION: &str = "reaction";
+pub const PREDICTED_REACTION: &str = "predicted_reaction";
 
 /// Returns the results of samples: their number and mean area.
 ///

@@ -8,14 +8,14 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::design::{self, amplitude_solver};
-use super::results::of_targets;
+use super::results::{PREDICTED_REACTION, REACTION, of_targets};
 use super::{drive_check, needed, patterns, scene, solution};
 use deaflow_base::{Canonical, Document, Fields, InputError, Map, Node};
 use deaflow_content::{Components, DesignRows, Designs, Packed, SimulatedStates, Verification, predicted_rows};
 use deaflow_design::{Goal, Objective, PlannedDesign, ResponseKind};
 use deaflow_fem::screening::resolved_states;
 use deaflow_fem::{GeometryError, History, SetupError, SolverParameters, geometry_revision};
-use deaflow_field::{Field, Mesh};
+use deaflow_field::{Field, Mesh, REACTION_UNIT};
 use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_pattern::Role;
 use deaflow_scene::{Effects, Scene};
@@ -73,10 +73,14 @@ impl Kind for VerifyKind {
             .filter_map(|(name, row)| Some((*name, predicted[*row]?)))
             .collect();
         let by_field: Vec<(&str, usize)> = found.iter().map(|(name, _, at)| (*name, *at)).collect();
-        let mut results = of_targets(&by_field, &[("displacement", &simulated)]);
+        let [simulated_name, predicted_name] = match view.unit()? {
+            REACTION_UNIT => [REACTION, PREDICTED_REACTION],
+            _ => ["displacement", "predicted"],
+        };
+        let mut results = of_targets(&by_field, &[(simulated_name, &simulated)]);
         results.extend(of_targets(&by_row, &[("area", &area)]));
         let predicted = view.component().predicted().read()?;
-        results.extend(of_targets(&by_prediction, &[("predicted", &predicted)]));
+        results.extend(of_targets(&by_prediction, &[(predicted_name, &predicted)]));
         Ok(results)
     }
 
@@ -154,6 +158,10 @@ fn check_response(
         let message = format!("design `{}` of stage `{}` {what}", design.target, design.stage);
         node.error(message).help(help)
     };
+    if design.is_reaction && solver.follows_time() {
+        let what = "has a `reaction`, which is that of an equilibrium, but this stage simulates a `history`";
+        return Err(refused((what.to_owned(), "remove `history`".to_owned())));
+    }
     time_index(design.response, solver).map(|_| ()).map_err(refused)
 }
 
@@ -187,6 +195,8 @@ struct Cases {
     rows: DesignRows,
     /// The goal of each row.
     goals: Vec<CaseGoal>,
+    /// The predicted value of each row of a design stage.
+    predicted: Vec<f64>,
 }
 
 /// The goal of a design, and the response that it measures.
@@ -263,7 +273,7 @@ impl Stage for VerifyStage {
             simulated.push(of_own[pattern].simulated(&goal, &own.patterns()[pattern]));
             cases.goals.push(goal);
         }
-        Ok(self.verification(cases, &simulated, &states[0].effects).object())
+        Ok(self.verification(cases, &simulated, &states[0].effects))
     }
 
     fn unstable(&self, artifact: &Artifact) -> Result<u64, StageError> {
@@ -278,8 +288,9 @@ impl VerifyStage {
     fn cases(&self, designs: &[&Artifact], states: &[Scene]) -> Result<Cases, StageError> {
         let (mut cases, mut known) = (Cases::default(), BTreeMap::new());
         for design in designs {
-            let rows = Designs::open(design)?.rows().read()?;
-            for row in 0..rows.len() {
+            let view = Designs::open(design)?;
+            let (rows, values) = (view.rows().read()?, view.value().read()?);
+            for (row, predicted) in (0..rows.len()).zip(values) {
                 let wrong = |why: String| StageError::in_artifact(design, why);
                 let text = &rows.objective.0[row];
                 if !known.contains_key(text) {
@@ -289,6 +300,7 @@ impl VerifyStage {
                 if !cases.is_repeated(&rows, row)? {
                     cases.rows.push(&rows, row);
                     cases.goals.push(goal);
+                    cases.predicted.push(predicted);
                 }
             }
         }
@@ -336,8 +348,13 @@ impl VerifyStage {
         })
     }
 
-    fn verification(&self, cases: Cases, simulated: &[Simulated], effects: &Effects) -> Verification {
-        let Cases { rows, goals } = cases;
+    fn verification(&self, cases: Cases, simulated: &[Simulated], effects: &Effects) -> Object {
+        let unit = cases.goals.first().map_or("mm", |case| case.goal.unit());
+        let Cases {
+            rows,
+            goals,
+            predicted: values,
+        } = cases;
         let solved = || (0..rows.len()).filter_map(|row| Some((row, simulated[row].fields.as_ref()?)));
         let predicted = predicted_rows(&rows.role);
         let prediction = |row: usize| Some(rows.predicted_in_states(predicted[row]?));
@@ -360,7 +377,15 @@ impl VerifyStage {
             history: follows_time.then(|| solution::solved_histories(&histories, solution::Datum::Rest)),
             component: Components {
                 predicted: (0..rows.len())
-                    .filter_map(|row| Some(goals[row].goal.value_mm(prediction(row)?)))
+                    .filter_map(|row| {
+                        let (fields, goal) = (prediction(row)?, &goals[row].goal);
+                        // Fields in files have no forces of sides.
+                        Some(if goal.is_reaction() {
+                            values[row]
+                        } else {
+                            goal.value_mm(fields)
+                        })
+                    })
                     .collect(),
                 simulated: solved().map(|(row, fields)| goals[row].goal.value_mm(fields)).collect(),
                 error: errors().map(Option::unwrap_or_default).collect(),
@@ -378,6 +403,7 @@ impl VerifyStage {
             solver: format!("{{ {} }}", self.solver),
             effects: effects.clone(),
         }
+        .object_in(unit)
     }
 }
 

@@ -48,7 +48,7 @@ const STAGES: &str = "
 ";
 
 const COLUMNS: &str = "name,case,role,units,point_x_mm,point_y_mm,direction_deg,objective,area_target,area,area_mm2,predicted_mm,simulated_mm,\
-                       simulated_error_mm,distance_mm,intuitive_own_mm,intuitive_equal_area_mm,optimum_mm,ratio_to_optimum,network_mm,\
+                       simulated_error_mm,predicted_mN,simulated_mN,simulated_error_mN,distance_mm,intuitive_own_mm,intuitive_equal_area_mm,optimum_mm,ratio_to_optimum,network_mm,\
                        interval_lower_mm,interval_upper_mm,novelty,out_of_distribution,pattern_file";
 
 fn workspace() -> Workspace {

@@ -221,3 +221,146 @@ fn membranes_that_nothing_holds_need_loads_in_balance() {
         );
     }
 }
+
+/// The strip with its bar held in its place.
+fn blocked() -> Workspace {
+    let workspace = Workspace::new();
+    let strip = STRIP
+        .replace(
+            "objective: { bar: right, direction: 0 deg }",
+            "objective: { reaction: right, direction: 180 deg }",
+        )
+        .replace(
+            "bar: { load: [\"${load}\", 0 N] }",
+            "bar: { displacement: [0 mm, 0 mm] }",
+        );
+    let (design, verify) = strip.split_once("  curve:").unwrap();
+    let verify = verify
+        .replace("foreach: { load: [0.3 N, 0.9 N] }\n    ", "")
+        .replace("design@load=0.3N", "design");
+    let design = design.replace("foreach: { load: [0.3 N] }\n    ", "");
+    let table = "  table: { kind: table, needs: [curve], columns: [curve.reaction, curve.predicted_reaction] }\n";
+    workspace.write("blocked.yaml", &format!("{design}  curve:{verify}{table}"));
+    workspace
+}
+
+#[test]
+fn a_blocked_force_is_designed_and_verified_in_mn() {
+    let workspace = blocked();
+    let ended = workspace.run(&["run", "blocked.yaml", "--json"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let document = ended.json();
+    let verified = of_stage(&document, "curve");
+    assert_eq!(verified["unit"], "mN");
+    let rows = verified["rows"].as_array().unwrap();
+    let number = |row: &Value, key: &str| row[key].as_f64().unwrap_or_else(|| panic!("{key}: {row}"));
+    for row in rows {
+        assert!(
+            row["simulated_mm"].is_null() && row.get("predicted_mm").is_none(),
+            "{row}"
+        );
+        // The search has one biquadratic element in a cell, the stage one bilinear one.
+        let (predicted, simulated) = (number(row, "predicted_mN"), number(row, "simulated_mN"));
+        assert!((predicted / simulated - 1.0).abs() < 0.05, "{row}");
+    }
+    let of_role = |role: &str| rows.iter().find(|row| row["role"] == role).unwrap();
+    let found = number(of_role("optimum"), "simulated_mN");
+    assert!(found > 2.0 && found > number(of_role("intuitive-equal-area"), "simulated_mN"));
+
+    // It is the change of what `solve` writes.
+    let exported = workspace.run(&[
+        "export",
+        "design",
+        "blocked.yaml:curve",
+        "--role",
+        "optimum",
+        "-o",
+        "best.csv",
+    ]);
+    assert_eq!(exported.code, Some(0), "{}", exported.stderr);
+    let (scene, _) = STRIP.split_once("stages:").unwrap();
+    let scene = scene
+        .split_once("scene:\n")
+        .unwrap()
+        .1
+        .replace("[\"${load}\", 0 N]", "[0.3 N, 0 N]");
+    workspace.write(
+        "scene.yaml",
+        &scene
+            .lines()
+            .map(|line| format!("{}\n", &line[2..]))
+            .collect::<String>(),
+    );
+    let force = |voltage: &str| {
+        let drive = format!("drive.voltage={voltage}");
+        let bar = "geometry.sides.right={ bar: { displacement: [0 mm, 0 mm] } }";
+        let arguments = [
+            "solve",
+            "scene.yaml",
+            "best.csv",
+            "--no-checks",
+            "--elements-per-cell",
+            "1",
+        ];
+        let set = ["--set", &drive, "--set", bar, "-o", "out.h5"];
+        let ended = workspace.run(&[&arguments[..], &set].concat());
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        let file = hdf5::File::open(workspace.path("out.h5")).unwrap();
+        file.dataset("reaction").unwrap().read_raw::<f64>().unwrap()[2]
+    };
+    let change = 1e3 * (force("1 mV") - force("4 kV"));
+    assert!((change - found).abs() < 1e-6 * found, "{change} {found}");
+
+    let text = workspace.run(&["run", "blocked.yaml", "-v"]).stdout;
+    assert!(
+        text.contains("change of the force of sides") && text.contains(" mN"),
+        "{text}"
+    );
+    let headline = text.lines().find(|line| line.contains("best design (gradient search)"));
+    assert!(
+        headline.is_some_and(|line| line.contains(" mN") && !line.contains(" mm,")),
+        "{text}"
+    );
+    let shown = workspace.run(&["show", "blocked.yaml:table", "--csv"]).stdout;
+    let cells = shown.lines().last().unwrap().split(',').collect::<Vec<_>>();
+    assert!((cells[0].parse::<f64>().unwrap() - found).abs() < 1e-9, "{shown}");
+    let report = workspace.run(&["report", "blocked.yaml", "-o", "report"]);
+    assert_eq!(report.code, Some(0), "{}", report.stderr);
+    let page = std::fs::read_to_string(workspace.path("report/index.html")).unwrap();
+    assert!(
+        page.contains("Objective: change of the force of the right side on the membrane at 180°"),
+        "{page}"
+    );
+    let table = std::fs::read_to_string(workspace.path("report/data/designs.csv")).unwrap();
+    let header: Vec<&str> = table.lines().next().unwrap().split(',').collect();
+    assert!(header.contains(&"simulated_mN"), "{header:?}");
+}
+
+#[test]
+fn objectives_of_forces_are_refused_where_there_are_none() {
+    let workspace = blocked();
+    for (set, expected) in [
+        (
+            "scene.geometry.sides.right={ bar: { load: [0.3 N, 0 N] } }",
+            "moves freely along x, so its force along x is only its load",
+        ),
+        ("stages.curve.history={ at: [1 s] }", "which is that of an equilibrium"),
+        ("stages.design.needs=[table]", "a design"),
+        (
+            "stages.design.objective={ reaction: top, direction: 90 deg }",
+            "the top side does not hold",
+        ),
+        (
+            "stages.design.objective={ reaction: right, direction: 0 deg, value: 1 mm }",
+            "unknown key `value`",
+        ),
+        (
+            "stages.design.objective={ points: [{ reaction: right, direction: 0 deg }, { bar: right, direction: 0 deg }] }",
+            "either motions, in mm, or reactions, in mN",
+        ),
+    ] {
+        let ended = workspace.run(&["plan", "blocked.yaml", "--set", set]);
+        assert_eq!(ended.code, Some(2), "{set}: {}", ended.stdout);
+        assert!(ended.stderr.contains(expected), "{set}: {}", ended.stderr);
+    }
+}

@@ -1,4 +1,4 @@
-//! Points and bodies, and their target motions.
+//! Points and bodies and their target motions, and forces of sides.
 
 use super::error::GoalError;
 use deaflow_field::Field;
@@ -11,6 +11,8 @@ pub struct Aim {
     pub point_mm: [f64; 2],
     /// The markers of a rigid body; `None` for a point.
     pub body: Option<BodyMarkers>,
+    /// The side whose force counts, in the order of `Edge`, instead of a motion.
+    pub reaction: Option<usize>,
     /// The target motion.
     pub motion: Motion,
     /// The weight relative to other aims; positive.
@@ -73,6 +75,8 @@ pub enum Subject {
     Translation(BodyMarkers),
     /// A rigid body about its centroid.
     Rotation(BodyMarkers),
+    /// Nothing: the change of the force of a side on the membrane, in mN in place of mm.
+    Reaction(usize),
 }
 
 impl Aim {
@@ -82,6 +86,7 @@ impl Aim {
         Self {
             point_mm,
             body: None,
+            reaction: None,
             motion,
             weight: 1.0,
             state: 0,
@@ -91,7 +96,7 @@ impl Aim {
     pub(super) fn placed(&self, membrane: &Membrane) -> Result<PlacedAim, GoalError> {
         let mut inside = self.point_mm.iter().zip(membrane.size_mm);
         // Bars are on sides of the membrane.
-        let can_be_on_edge = self.body.is_some();
+        let can_be_on_edge = self.body.is_some() || self.reaction.is_some();
         let is_inside = |c: f64, side: f64| (c > 0.0 && c < side) || (can_be_on_edge && (0.0..=side).contains(&c));
         if !inside.all(|(&c, side)| is_inside(c, side)) {
             return Err(GoalError::Point {
@@ -103,11 +108,12 @@ impl Aim {
         if !(self.weight.is_finite() && self.weight > 0.0) {
             return Err(GoalError::Weight(self.weight));
         }
-        let (subject, arm_mm) = match (self.motion.turns(), self.body) {
-            (false, None) => (Subject::Point, 0.0),
-            (false, Some(markers)) => (Subject::Translation(markers), 0.0),
-            (true, Some(markers)) => (Subject::Rotation(markers), markers.arm_mm),
-            (true, None) => return Err(GoalError::PointTurns),
+        let (subject, arm_mm) = match (self.motion.turns(), self.body, self.reaction) {
+            (false, None, Some(side)) => (Subject::Reaction(side), 0.0),
+            (false, None, None) => (Subject::Point, 0.0),
+            (false, Some(markers), _) => (Subject::Translation(markers), 0.0),
+            (true, Some(markers), _) => (Subject::Rotation(markers), markers.arm_mm),
+            (true, None, _) => return Err(GoalError::PointTurns),
         };
         let (direction, target) = self.motion.vectors(arm_mm)?;
         Ok(PlacedAim {
@@ -200,7 +206,7 @@ impl BodyMarkers {
 
 impl PlacedAim {
     /// The motion in mm, given the fields in the states of the device: a displacement, or (arc length, 0) of a
-    /// rotation.
+    /// rotation; of a force its change in mN.
     #[must_use]
     pub fn motion(&self, fields: &[Field]) -> [f64; 2] {
         let field = &fields[self.state];
@@ -208,7 +214,14 @@ impl PlacedAim {
             Subject::Point => field.at(self.point),
             Subject::Translation(markers) => markers.translation(field),
             Subject::Rotation(markers) => [markers.arm_mm * markers.angle(field), 0.0],
+            Subject::Reaction(side) => field.reactions()[side],
         }
+    }
+
+    /// Whether it is a force.
+    #[must_use]
+    pub fn is_reaction(&self) -> bool {
+        matches!(self.subject, Subject::Reaction(_))
     }
 
     /// The component of a motion along the direction in mm.
@@ -234,6 +247,8 @@ impl PlacedAim {
                     .map(|(corner, share)| (corner, gradient.map(|g| g * share)))
                     .collect();
             }
+            // Forces have their own slopes.
+            Subject::Reaction(_) => return Vec::new(),
             Subject::Rotation(markers) => (markers, markers.arm_mm * gradient[0], [0.0; 2]),
             Subject::Translation(markers) => {
                 let [x, y] = markers.translation_by_angle(field);

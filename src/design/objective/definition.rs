@@ -7,7 +7,9 @@ use super::error::GoalError;
 use super::field_file;
 use super::goal::Goal;
 use super::measure::{Displacement, Distance, MEASURES, Measure};
-use super::points::{BarParameters, BodyParameters, MAX_MM, PointOrBody, PointParameters, ROTATIONS};
+use super::points::{
+    BarParameters, BodyParameters, MAX_MM, PointOrBody, PointParameters, ROTATIONS, ReactionParameters,
+};
 use crate::text::flow_mapping;
 use deaflow_base::{
     Canonical, Declared, Fields, Frequency, InputError, Length, Node, Parameter, Schema, Time, parameters,
@@ -155,6 +157,40 @@ fn amplitudes_along_directions(fields: Fields) -> Fields {
     fields.rule(json!({ "if": has("frequency"), "then": then }))
 }
 
+/// Refuses the keys of motions for forces, which are those of an equilibrium and as large as possible, and forces
+/// among motions.
+fn refuse_keys_of_motions(
+    points: &[PointOrBody],
+    (measure, value, time, frequency): (
+        &Option<&'static dyn Measure>,
+        &Option<Length>,
+        &Option<Time>,
+        &Option<Frequency>,
+    ),
+    node: &Node,
+) -> Result<(), InputError> {
+    let refused = |key: &str, message: String, help: &str| {
+        Err(node.peek(key).unwrap_or(node).error(message).help(help.to_owned()))
+    };
+    if points.iter().any(|point| !point.is_reaction()) {
+        let message = "an objective has either motions, in mm, or reactions, in mN".to_owned();
+        return refused("points", message, "use two targets in two stages");
+    }
+    let given = [
+        ("value", value.is_some()),
+        ("time", time.is_some()),
+        ("frequency", frequency.is_some()),
+        (
+            "measure",
+            measure.is_some_and(|measure| measure.name() != Displacement.name()),
+        ),
+    ];
+    match given.into_iter().find(|(_, given)| *given) {
+        None => Ok(()),
+        Some((key, _)) => refused(key, format!("`{key}` cannot be used with a reaction"), "remove it"),
+    }
+}
+
 impl Objective {
     fn new(
         points: Vec<PointOrBody>,
@@ -165,6 +201,9 @@ impl Objective {
         let MeasureParameters { measure, value, time } = measured;
         let has_targets = value.is_some() || points.iter().all(PointOrBody::has_target);
         let default: &'static dyn Measure = if has_targets { &Distance } else { &Displacement };
+        if points.iter().any(PointOrBody::is_reaction) {
+            refuse_keys_of_motions(&points, (&measure, &value, &time, &frequency), node)?;
+        }
         let objective = Self {
             points,
             measure: measure.unwrap_or(default),
@@ -180,6 +219,12 @@ impl Objective {
             ResponseKind::Equilibrium | ResponseKind::After(_) => objective.check(node)?,
         }
         Ok(objective)
+    }
+
+    /// Whether its values are forces of sides in mN, and not displacements in mm.
+    #[must_use]
+    pub fn is_reaction(&self) -> bool {
+        self.points.iter().any(PointOrBody::is_reaction)
     }
 
     /// Refuses keys that contradict each other.
@@ -248,9 +293,9 @@ impl Objective {
         }
     }
 
-    /// Reads a point (`{ point, direction }`), a rigid body (`{ body, direction }`) or a bar (`{ bar,
-    /// direction }`), several of them (`{ points: [{
-    /// point, direction, weight, state }, …] }`), or a target field (`{ field: FILE.csv }`). In place of a direction a
+    /// Reads a point (`{ point, direction }`), a rigid body (`{ body, direction }`), a bar (`{ bar, direction }`) or the
+    /// force of a side (`{ reaction, direction }`), several of them (`{ points: [{ point, direction, weight, state }, …]
+    /// }`), or a target field (`{ field: FILE.csv }`). In place of a direction a
     /// point may have a target `displacement: [x, y]`, a body a `translation: [x, y]` or a `rotation`. Optional keys
     /// are `measure`, `value` (the target displacement along each direction), `time` and `frequency`.
     ///
@@ -274,6 +319,14 @@ impl Objective {
         } else if node.peek("bar").is_some() {
             let OneBar { bar, measured } = OneBar::read_with(node, &[])?;
             (vec![PointOrBody::Bar(bar)], measured, None)
+        } else if node.peek("reaction").is_some() {
+            let reaction = ReactionParameters::read_with(node, &[])?;
+            let measured = MeasureParameters {
+                value: None,
+                measure: None,
+                time: None,
+            };
+            (vec![PointOrBody::Reaction(reaction)], measured, None)
         } else {
             let read = OnePoint::read_with(node, &[])?;
             (
@@ -296,7 +349,9 @@ impl Objective {
             }
         };
         entries.extend(self.value.map(|value| ("value", value.to_string())));
-        entries.push(("measure", self.measure.name().to_owned()));
+        if !self.is_reaction() {
+            entries.push(("measure", self.measure.name().to_owned()));
+        }
         entries.extend(match self.response {
             ResponseKind::Equilibrium => None,
             ResponseKind::After(time) => Some(("time", time.to_string())),
@@ -350,6 +405,7 @@ impl Parameter for Objective {
             OnePoint::fields(),
             OneBody::fields(),
             OneBar::fields(),
+            ReactionParameters::fields(),
             ManyPoints::fields(),
             FieldObjective::fields(),
         ];
@@ -427,6 +483,8 @@ mod tests {
             "{ point: [25, 25], direction: 30 deg, frequency: 40 Hz }",
             "{ points: [{ point: [1, 2], direction: 0 }, { point: [3, 4], direction: 90 deg }], frequency: 1 kHz }",
             "{ points: [{ point: [1, 2], displacement: [0.1 mm, -0.2 mm] }, { point: [3, 4], displacement: [0, 0] }] }",
+            "{ reaction: right, direction: 180 deg }",
+            "{ points: [{ reaction: right, direction: 0, weight: 2 }, { reaction: top, direction: 90 deg, state: on }] }",
         ] {
             let objective = read(text).unwrap();
             assert_eq!(read(&objective.to_text()).unwrap().canonical(), objective.canonical());
@@ -458,9 +516,94 @@ mod tests {
             "{ points: [{ point: [1, 2], displacement: [0, 1] }], frequency: 1 Hz }",
             "{ points: [{ body: 0, direction: 0 }], frequency: 1 Hz }",
             "{ body: 0, direction: 0, frequency: 1 Hz }",
+            "{ reaction: right }",
+            "{ reaction: middle, direction: 0 }",
+            "{ reaction: right, direction: 0, value: 1 mm }",
+            "{ reaction: right, direction: 0, time: 1 s }",
+            "{ points: [{ reaction: right, direction: 0 }], value: 1 mm }",
+            "{ points: [{ reaction: right, direction: 0 }], time: 1 s }",
+            "{ points: [{ reaction: right, direction: 0 }], frequency: 1 Hz }",
+            "{ points: [{ reaction: right, direction: 0 }], measure: qin2024 }",
+            "{ points: [{ reaction: right, direction: 0 }, { bar: right, direction: 0 }] }",
         ] {
             assert!(read(text).is_err(), "{text}");
         }
+    }
+
+    #[test]
+    fn a_reaction_needs_a_side_that_holds_the_membrane_along_its_direction() {
+        let goal = |sides: &str, drive: &str, objective: &str| {
+            let scene = format!(
+                "{{ geometry: {{ size: [40 mm, 20 mm], thickness: 1 mm, prestretch: 2, cells: [20, 10], sides: {sides} }}, \
+                 material: {{ model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ {drive} \
+                 }} }}"
+            );
+            let goal = read(objective)
+                .unwrap()
+                .goal(&Scene::from_text(&scene).unwrap(), None, 0.0);
+            goal.map(|goal| goal.unit()).map_err(|error| error.to_string())
+        };
+        let bar = |more: &str| format!("{{ right: {{ bar: {{ {more} }} }}, top: free, bottom: roller }}");
+        let blocked = bar("displacement: [0 mm, 0 mm]");
+        let (sprung, moves) = (bar("moves: [x], spring: 10 N/m"), bar("moves: [x]"));
+        let drive = "voltage: 4 kV";
+        for (sides, drive, side, degrees, expected) in [
+            (&*blocked, drive, "right", "180", Ok("mN")),
+            (&blocked, drive, "left", "37", Ok("mN")),
+            (&blocked, drive, "bottom", "-90", Ok("mN")),
+            (
+                &blocked,
+                drive,
+                "bottom",
+                "0",
+                Err("the bottom side does not hold the membrane along x"),
+            ),
+            (
+                &blocked,
+                drive,
+                "top",
+                "90",
+                Err("the top side does not hold the membrane along y"),
+            ),
+            (&sprung, drive, "right", "30", Ok("mN")),
+            (&moves, drive, "right", "90", Ok("mN")),
+            (
+                &moves,
+                drive,
+                "right",
+                "89",
+                Err("the bar on the right side moves freely along x, so its force"),
+            ),
+            (
+                "{ left: held }",
+                drive,
+                "right",
+                "0",
+                Err("`sides` that are not all held"),
+            ),
+            (
+                &blocked,
+                "charge: { total: 1 uC }",
+                "right",
+                "0",
+                Err("this one is a charge"),
+            ),
+        ] {
+            let found = goal(
+                sides,
+                drive,
+                &format!("{{ reaction: {side}, direction: {degrees} deg }}"),
+            );
+            match (found, expected) {
+                (Ok(unit), Ok(expected)) => assert_eq!(unit, expected),
+                (Err(error), Err(expected)) => assert!(error.contains(expected), "{error}"),
+                (found, expected) => panic!("{sides} {side} {degrees}: {found:?} {expected:?}"),
+            }
+        }
+        assert_eq!(
+            goal(&sprung, "voltage: 4 kV", "{ bar: right, direction: 0 deg }"),
+            Ok("mm")
+        );
     }
 
     #[test]

@@ -37,6 +37,26 @@ pub enum GoalError {
         /// The side.
         side: &'static str,
     },
+    /// A side does not hold the membrane along a component of the direction.
+    #[error(
+        "{what} along {axis}, so its force along {axis} is only its load: use a bar that is blocked or has a \
+             `spring`, or another direction"
+    )]
+    Reaction {
+        /// The side, and that it does not hold the membrane.
+        what: String,
+        /// The axis.
+        axis: &'static str,
+    },
+    /// All sides are held.
+    #[error("a `reaction` needs `sides` that are not all held")]
+    ReactionOfHeld,
+    /// The drive is a charge.
+    #[error("a `reaction` needs a drive by a voltage; this one is a charge")]
+    ReactionOfCharge,
+    /// Forces and motions have no mean.
+    #[error("an objective has either motions, in mm, or reactions, in mN")]
+    Units,
     /// There is no such state.
     #[error("there is no state `{found}`: the scene has {}", if states.is_empty() { "none" } else { states.as_str() })]
     State {

@@ -6,16 +6,22 @@
 //! the signed unit direction d; the literal form can be selected. For target displacements, at one point or at many
 //! points of a field, F depends on the distance from the targets instead.
 
-use super::aim::{Aim, PlacedAim, mean_along, rms_error};
+use super::aim::{Aim, PlacedAim, Subject, mean_along, rms_error};
 use super::error::GoalError;
 use super::measure::Measure;
-use deaflow_field::{Field, StateFields};
+use deaflow_field::{Field, REACTION_UNIT, Reactions, StateFields};
 use deaflow_pattern::{Membrane, Raster};
 
 /// The default weight λ of the area: an area error of 1 % costs as much as 0.125 mm of displacement. This is just
 /// above the largest gain from area in the linear response of the default scene (0.12 mm per 1 %, for area fractions
 /// from 5 % to 95 %), so that the optimum has the target area. A larger weight only makes the search stiffer.
 pub const AREA_PENALTY: f64 = 5.0;
+
+/// The unit of the values of objectives, which are forces of sides or displacements.
+#[must_use]
+pub fn value_unit(is_reaction: bool) -> &'static str {
+    if is_reaction { REACTION_UNIT } else { "mm" }
+}
 
 /// A valid goal of a design.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,6 +61,10 @@ impl Goal {
         }
         if aims.is_empty() {
             return Err(GoalError::NoAim);
+        }
+        let forces = aims.iter().filter(|aim| aim.reaction.is_some()).count();
+        if forces > 0 && forces < aims.len() {
+            return Err(GoalError::Units);
         }
         if measure.needs_displacement() && aims.iter().any(|aim| !aim.motion.has_target()) {
             return Err(GoalError::NoDistance);
@@ -98,8 +108,20 @@ impl Goal {
         &self.aims
     }
 
+    /// Whether its values are forces in mN, and not displacements in mm.
+    #[must_use]
+    pub fn is_reaction(&self) -> bool {
+        self.aims.iter().any(PlacedAim::is_reaction)
+    }
+
+    /// The unit of its values.
+    #[must_use]
+    pub fn unit(&self) -> &'static str {
+        value_unit(self.is_reaction())
+    }
+
     /// The value of fields (one per state of the device) in mm: the mean displacement of the points along their
-    /// directions.
+    /// directions. That of forces is in mN.
     #[must_use]
     pub fn value_mm(&self, fields: &[Field]) -> f64 {
         self.value_of(&self.motions(fields))
@@ -169,7 +191,12 @@ impl Goal {
 
     fn slopes<'a>(&self, fields: &[Field], each: impl Iterator<Item = (&'a PlacedAim, [f64; 2])>) -> StateFields {
         let mut slopes = vec![vec![0.0; 2 * self.raster.corners()]; fields.len()];
+        let mut of_forces = vec![Reactions::default(); fields.len()];
         for (aim, gradient) in each {
+            if let Subject::Reaction(side) = aim.subject {
+                let slopes = of_forces[aim.state][side].iter_mut();
+                slopes.zip(gradient).for_each(|(slope, g)| *slope += g);
+            }
             for (corner, slope) in aim.slope(fields, gradient) {
                 for (k, g) in slope.into_iter().enumerate() {
                     slopes[aim.state][2 * corner + k] += g;
@@ -177,7 +204,8 @@ impl Goal {
             }
         }
         let field = |slope| Field::from_values(self.raster, slope).unwrap_or_else(|_| Field::zero(self.raster));
-        slopes.into_iter().map(field).collect()
+        let both = slopes.into_iter().map(field).zip(of_forces);
+        both.map(|(slope, of_forces)| slope.with_reactions(of_forces)).collect()
     }
 }
 

@@ -12,6 +12,6 @@ mod rough;
 pub use aim::{Aim, BodyMarkers, Motion, PlacedAim, Subject};
 pub use definition::{Objective, ResponseKind};
 pub use error::GoalError;
-pub use goal::{AREA_PENALTY, Goal};
+pub use goal::{AREA_PENALTY, Goal, value_unit};
 pub use measure::{Displacement, Distance, MEASURES, Measure, Qin2024};
 pub use rough::RoughScore;

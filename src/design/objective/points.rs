@@ -1,4 +1,4 @@
-//! Points and bodies of an objective in YAML.
+//! Points, bodies, bars and forces of sides in an objective in YAML.
 
 use super::aim::{Aim, BodyMarkers, Motion};
 use super::error::GoalError;
@@ -81,12 +81,27 @@ parameters! {
     }
 }
 
-/// A point, a body or a bar, and its target motion.
+parameters! {
+    /// The change of the force of a side on the membrane by the voltage, counted along a direction.
+    pub(super) struct ReactionParameters as "a reaction of the objective" {
+        /// The side of the membrane, which is held or has a bar.
+        pub(super) reaction: Edge,
+        /// Direction, counterclockwise from the x axis.
+        pub(super) direction: Angle [-360.0..=360.0],
+        /// Weight relative to other reactions.
+        pub(super) weight: Decimal [1e-9..=1e9] = 1.0,
+        /// State of the device, if the scene has several.
+        pub(super) state: Option<StateName>,
+    }
+}
+
+/// A point, a body or a bar, and its target motion; or the force of a side.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum PointOrBody {
     Point(PointParameters),
     Body(BodyParameters),
     Bar(BarParameters),
+    Reaction(ReactionParameters),
 }
 
 /// The name of a state of the device.
@@ -165,7 +180,7 @@ impl PointOrBody {
     /// The motion of a body or a bar.
     fn rigid(&self) -> Option<&RigidMotion> {
         match self {
-            Self::Point(_) => None,
+            Self::Point(_) | Self::Reaction(_) => None,
             Self::Body(body) => Some(&body.motion),
             Self::Bar(bar) => Some(&bar.motion),
         }
@@ -179,9 +194,15 @@ impl PointOrBody {
     pub fn has_target(&self) -> bool {
         let has_vector = match self {
             Self::Point(point) => point.displacement.is_some(),
-            Self::Body(_) | Self::Bar(_) => self.rigid().is_some_and(|rigid| rigid.translation.is_some()),
+            Self::Body(_) | Self::Bar(_) | Self::Reaction(_) => {
+                self.rigid().is_some_and(|rigid| rigid.translation.is_some())
+            }
         };
         has_vector || matches!(self.rotation(), Some(Rotation::By(_)))
+    }
+
+    pub fn is_reaction(&self) -> bool {
+        matches!(self, Self::Reaction(_))
     }
 
     pub fn is_rotation(&self) -> bool {
@@ -209,6 +230,10 @@ impl PointOrBody {
                 bar.entries(&mut entries);
                 bar.motion.weight
             }
+            Self::Reaction(reaction) => {
+                reaction.entries(&mut entries);
+                reaction.weight
+            }
         };
         let is_default = weight.to_f64() == 1.0;
         entries.retain(|(key, _)| *key != "weight" || !is_default);
@@ -221,6 +246,7 @@ impl PointOrBody {
         let rigid = |motion: &RigidMotion, (centroid_mm, markers)| Aim {
             point_mm: centroid_mm,
             body: Some(markers),
+            reaction: None,
             motion: motion.motion(value),
             weight: motion.weight.to_f64(),
             state: 0,
@@ -230,6 +256,7 @@ impl PointOrBody {
                 let aim = Aim {
                     point_mm: point.point.map(|c| c.value()),
                     body: None,
+                    reaction: None,
                     motion: point.motion(value),
                     weight: point.weight.to_f64(),
                     state: 0,
@@ -238,10 +265,45 @@ impl PointOrBody {
             }
             Self::Body(body) => (rigid(&body.motion, markers(scene, body.body)?), &body.motion.state),
             Self::Bar(bar) => (rigid(&bar.motion, markers_of_bar(scene, bar.bar)?), &bar.motion.state),
+            Self::Reaction(reaction) => (reaction.aim(scene)?, &reaction.state),
         };
         Ok(Aim {
             state: state_index(scene, state.as_ref())?,
             ..aim
+        })
+    }
+}
+
+impl ReactionParameters {
+    fn aim(&self, scene: &Scene) -> Result<Aim, GoalError> {
+        if scene.drive.charge.is_some() {
+            return Err(GoalError::ReactionOfCharge);
+        }
+        let (edge, degrees) = (self.reaction, self.direction.value());
+        let side = scene.geometry.sides.as_ref().map(|sides| sides.of(edge));
+        let side = side.ok_or(GoalError::ReactionOfHeld)?;
+        // A bar without a spring is in balance with its load along the axes that it moves along.
+        let is_free = match side.bar() {
+            Some(bar) => {
+                let [x, y, _] = bar.moves();
+                [x, y].map(|moves| moves && bar.spring_n_per_m() == 0.0)
+            }
+            None => side.holds(edge).map(|holds| !holds),
+        };
+        let quarters = (degrees / 90.0).rem_euclid(2.0);
+        let counts = [quarters != 1.0, quarters != 0.0];
+        if let Some(axis) = (0..2).find(|axis| is_free[*axis] && counts[*axis]) {
+            let what = match side.bar() {
+                Some(_) => format!("the bar on the {} side moves freely", edge.name()),
+                None => format!("the {} side does not hold the membrane", edge.name()),
+            };
+            let axis = ["x", "y"][axis];
+            return Err(GoalError::Reaction { what, axis });
+        }
+        Ok(Aim {
+            reaction: Some(edge as usize),
+            weight: self.weight.to_f64(),
+            ..Aim::new(edge.middle(scene.membrane().size_mm), Motion::Along(degrees))
         })
     }
 }
@@ -318,10 +380,15 @@ impl Parameter for PointOrBody {
     type Literal = Self;
 
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
-        match (node.peek("body"), node.peek("bar")) {
-            (Some(_), _) => BodyParameters::read(node, key, &()).map(Self::Body),
-            (None, Some(_)) => BarParameters::read(node, key, &()).map(Self::Bar),
-            (None, None) => PointParameters::read(node, key, &()).map(Self::Point),
+        let has = |key: &str| node.peek(key).is_some();
+        if has("body") {
+            BodyParameters::read(node, key, &()).map(Self::Body)
+        } else if has("bar") {
+            BarParameters::read(node, key, &()).map(Self::Bar)
+        } else if has("reaction") {
+            ReactionParameters::read(node, key, &()).map(Self::Reaction)
+        } else {
+            PointParameters::read(node, key, &()).map(Self::Point)
         }
     }
 
@@ -330,6 +397,7 @@ impl Parameter for PointOrBody {
             Self::Point(point) => point.to_canonical(),
             Self::Body(body) => body.to_canonical(),
             Self::Bar(bar) => bar.to_canonical(),
+            Self::Reaction(reaction) => reaction.to_canonical(),
         })
     }
 
@@ -338,6 +406,7 @@ impl Parameter for PointOrBody {
             PointParameters::schema(&()),
             BodyParameters::schema(&()),
             BarParameters::schema(&()),
+            ReactionParameters::schema(&()),
         ])
     }
 

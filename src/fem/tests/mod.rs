@@ -37,10 +37,11 @@ use super::material::Material;
 use super::newton::norm;
 use super::operator::{Activity, Operator};
 use super::rigid::Pose;
+use super::reactions::SideForces;
 use super::sheet::Sheet;
 use super::*;
 use deaflow_base::Stream;
-use deaflow_field::{CORNERS, Field, Mesh, Order, Outcome, Simulation, Simulator};
+use deaflow_field::{CORNERS, Field, Mesh, Order, Outcome, Reactions, Simulation, Simulator};
 use deaflow_pattern::{CELLS, Membrane, Pattern, Raster, Symmetry};
 use deaflow_scene::Scene;
 
@@ -162,7 +163,14 @@ fn check_gradient(
         let mut u = solution.displacement.clone();
         newton_by_factors(&operator, &vec![0.0; u.len()], &mut u);
         let field = grid.sample(&u);
-        field.values().iter().zip(weights.values()).map(|(u, w)| u * w).sum()
+        let of_motion: f64 = field.values().iter().zip(weights.values()).map(|(u, w)| u * w).sum();
+        if *weights.reactions() == Reactions::default() {
+            return of_motion;
+        }
+        let forces = SideForces::of(solver, Activity::from_shares(&grid.opened(), share)).unwrap();
+        let forces = forces.at(&material, 1.0, &u);
+        let pairs = forces.as_flattened().iter().zip(weights.reactions().as_flattened());
+        of_motion + pairs.map(|(force, weight)| 1e3 * force * weight).sum::<f64>()
     };
     let largest = gradient.iter().fold(0.0, |largest: f64, g| largest.max(g.abs()));
     for cell in cells {

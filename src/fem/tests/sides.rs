@@ -408,6 +408,76 @@ fn gradients_on_free_sides_are_those_of_differences() {
     check_gradient(&scene, &solver, &pattern, &weights, 0..raster.cells());
 }
 
+#[test]
+fn gradients_of_forces_of_sides_are_those_of_differences() {
+    let size = "size: [30 mm, 20 mm], prestretch: [2, 1.5], cells: [6, 4]";
+    let bar = |right: &str, others: &str| scene(&format!("{size}, sides: {{ right: {right}, {others} }}"), 4000.0);
+    let ends = "top: free, bottom: free";
+    for (number, (scene, weights)) in [
+        // Blocked, off its place, with a turn that is free or moves along one axis.
+        (
+            bar("{ bar: { displacement: [0 mm, 0 mm] } }", ends),
+            [0.0, 1.0, 0.0, 0.0],
+        ),
+        (
+            bar("{ bar: { displacement: [3 mm, 1 mm] } }", ends),
+            [0.0, 0.8, 0.6, 0.0],
+        ),
+        (
+            bar("{ bar: { displacement: [2 mm, 0 mm], moves: [turn] } }", ends),
+            [0.0, 1.0, -0.5, 0.0],
+        ),
+        (
+            bar("{ bar: { load: [0 N, 0.1 N], moves: [y, turn], at: 4 mm } }", ends),
+            [0.0, 1.0, 0.0, 0.0],
+        ),
+        (
+            bar("{ bar: { load: [0.3 N, 0 N], spring: 50 N/m } }", ends),
+            [0.0, 1.0, 0.3, 0.0],
+        ),
+        // Held sides and rollers, whose corners count half, and a load beside a held side.
+        (
+            bar("{ load: [0.2 N, 0 N] }", "top: roller, bottom: held"),
+            [1.0, 0.0, 0.5, 2.0],
+        ),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let [left, x, y, top] = weights;
+        let forces = [[left, 0.3 * left], [x, y], [0.0, 0.0], [0.0, top]];
+        let raster = scene.membrane().raster;
+        let weights = Field::zero(raster).with_reactions(forces);
+        for pattern in [
+            cells_in(&scene, [5.0, 20.0], [0.0, 10.0]),
+            random_on(raster, number as u64),
+        ] {
+            let solver = solver_of(&scene, Mesh::biquadratic(1));
+            check_gradient(&scene, &solver, &pattern, &weights, 0..raster.cells());
+        }
+    }
+}
+
+#[test]
+fn the_change_of_a_force_counts_from_rest() {
+    let scene = strip(
+        [40.0, 20.0],
+        [3.0, 1.0],
+        2.0,
+        "{ bar: { displacement: [0 mm, 0 mm] } }",
+        4000.0,
+    );
+    let pattern = cells_in(&scene, [4.0, 36.0], [0.0, 20.0]);
+    let right = |scene: &Scene| solved(scene, Mesh::bilinear(2), &pattern).0;
+    let (found, at_rest) = (right(&scene), right(&scene.at_voltage(0.0)));
+    let force = |found: &Simulation| found.observation.reactions.unwrap()[1][0];
+    let change = 1e3 * (force(&found) - force(&at_rest));
+    let [[left, _], [moved, across], ..] = *found.stroke().unwrap().reactions();
+    assert!(change < -10.0 && (moved - change).abs() < 1e-6, "{moved} {change}");
+    assert!((left + moved).abs() < 1e-6 && across.abs() < 1e-6, "{left} {across}");
+    assert_eq!(at_rest.stroke().unwrap().reactions()[1], [0.0; 2]);
+}
+
 /// The voltage at which κ = ε(V/H)²/μ has a value.
 fn voltage_for(kappa: f64) -> f64 {
     (kappa / uniform(1.0, "free", "free", 1.0).kappa()).sqrt()

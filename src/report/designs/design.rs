@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::compare::gain;
 use super::objective::{Objective, TargetPoint};
 use crate::drawing::{Background, DeformedMembrane};
+use crate::format::mm;
 use crate::intervals::NetworkInterval;
 use deaflow_field::OutcomeKind;
 use deaflow_pattern::{Pattern, Role};
@@ -152,6 +153,21 @@ impl Design {
     #[must_use]
     pub fn gain_over(&self, other_mm: f64) -> Option<f64> {
         gain(self.simulated_mm.filter(|_| !self.objective.is_met)?, other_mm)
+    }
+
+    /// Writes a value; one in another unit than mm with its unit.
+    #[must_use]
+    pub fn number(&self, value: f64) -> String {
+        self.with_unit(mm(value))
+    }
+
+    /// Adds the unit to a number, if it is not mm.
+    #[must_use]
+    pub fn with_unit(&self, number: String) -> String {
+        match self.objective.unit() {
+            "mm" => number,
+            unit => format!("{number} {unit}"),
+        }
     }
 
     /// Returns the file of its mask, relative to the folder of the table; `None` for patterns that were not searched.

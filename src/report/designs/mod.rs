@@ -16,7 +16,7 @@ pub use deaflow_pattern::Role;
 pub use design::{Design, LEAST_MM, StateField};
 pub(super) use membranes::membranes;
 pub(super) use names::is_swept;
-pub use objective::{TargetMotion, is_to_be_met};
+pub use objective::{TargetMotion, is_to_be_met, quantity};
 pub use read::designs;
 pub use statistics::{DesignStatistics, Extreme};
 

@@ -4,6 +4,7 @@ use std::fmt;
 use std::path::Path;
 
 use deaflow_base::{Dimension, Document, InputError, Node, Parameter};
+use deaflow_field::REACTION_UNIT;
 use deaflow_scene::{Edge, Scene};
 
 /// An objective.
@@ -30,6 +31,8 @@ pub struct TargetPoint {
     pub body: Option<usize>,
     /// The side of the membrane, if it is a bar.
     pub bar: Option<Edge>,
+    /// The side of the membrane, if it is the change of its force.
+    pub reaction: Option<Edge>,
     /// The target motion.
     pub motion: TargetMotion,
     /// The target displacement in mm along x and y; `None` if it is to be maximized or if the body is to rotate.
@@ -103,6 +106,19 @@ impl Objective {
         })
     }
 
+    /// Returns the unit of its values: mN for forces of sides.
+    #[must_use]
+    pub fn unit(&self) -> &'static str {
+        let is_reaction = self.targets.iter().any(|target| target.reaction.is_some());
+        if is_reaction { REACTION_UNIT } else { "mm" }
+    }
+
+    /// Returns what its values are.
+    #[must_use]
+    pub fn quantity(&self) -> &'static str {
+        quantity(self.unit())
+    }
+
     /// Returns the points that are listed; none for a field.
     #[must_use]
     pub fn points(&self) -> &[TargetPoint] {
@@ -162,10 +178,11 @@ impl Objective {
 impl TargetPoint {
     /// Describes the target of one point.
     fn description(&self) -> String {
-        let what = match (self.body, self.bar) {
-            (Some(body), _) => format!("body {body}"),
-            (None, Some(bar)) => format!("the bar on the {} side", bar.name()),
-            (None, None) => format!("({}, {}) mm", self.point[0], self.point[1]),
+        let what = match (self.body, self.bar, self.reaction) {
+            (Some(body), ..) => format!("body {body}"),
+            (None, Some(bar), _) => format!("the bar on the {} side", bar.name()),
+            (None, None, Some(side)) => format!("the {} side on the membrane", side.name()),
+            (None, None, None) => format!("({}, {}) mm", self.point[0], self.point[1]),
         };
         let motion = match (&self.motion, self.by) {
             (TargetMotion::Along(_), Some([x, y])) => format!("by ({}, {}) mm", rounded(x), rounded(y)),
@@ -200,9 +217,20 @@ fn is_measured_as_distance(objective: &Node) -> bool {
         .is_some_and(|measure| measure.is_text(DISTANCE))
 }
 
-/// The key of an objective with one point, body or bar.
+/// Returns what values in a unit are.
+#[must_use]
+pub fn quantity(unit: &str) -> &'static str {
+    match unit {
+        REACTION_UNIT => "change of the force",
+        _ => "displacement",
+    }
+}
+
+/// The key of an objective with one point, body, bar or force.
 fn one_target(root: &Node) -> Option<&Node> {
-    ["point", "body", "bar"].into_iter().find_map(|key| root.peek(key))
+    ["point", "body", "bar", "reaction"]
+        .into_iter()
+        .find_map(|key| root.peek(key))
 }
 
 fn target_point(node: &Node, scene: &Scene) -> Result<TargetPoint, InputError> {
@@ -211,9 +239,10 @@ fn target_point(node: &Node, scene: &Scene) -> Result<TargetPoint, InputError> {
         .map(|body| body.integer("body", 0, u64::MAX))
         .transpose()?;
     let body = body.map(|body| body as usize);
-    let bar = node.peek("bar").map(|bar| Edge::read(bar, "bar", &())).transpose()?;
+    let side = |key| node.peek(key).map(|side| Edge::read(side, key, &())).transpose();
+    let (bar, reaction) = (side("bar")?, side("reaction")?);
     Ok(TargetPoint {
-        point: match (body, bar) {
+        point: match (body, bar.or(reaction)) {
             (Some(body), _) => {
                 let centroid = scene.centroid_of_body(body);
                 centroid.ok_or_else(|| {
@@ -222,11 +251,12 @@ fn target_point(node: &Node, scene: &Scene) -> Result<TargetPoint, InputError> {
                     ))
                 })?
             }
-            (None, Some(bar)) => bar.middle(scene.membrane().size_mm),
+            (None, Some(side)) => side.middle(scene.membrane().size_mm),
             (None, None) => pair(node.peek("point").ok_or_else(|| missing(node, "point"))?, "point")?,
         },
         body,
         bar,
+        reaction,
         motion: motion(node)?,
         by: vector(node).map(|(key, vector)| pair(vector, key)).transpose()?,
         weight: text_of(node, "weight")?,

@@ -1,7 +1,8 @@
 //! The history of a genetic algorithm, generation by generation.
 
+use crate::designs::quantity;
 use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
-use crate::format::mm;
+use crate::format::{capitalised, mm};
 
 /// One value per generation of each curve, including the first population.
 #[derive(Clone, Debug)]
@@ -12,6 +13,8 @@ pub struct Evolution {
     pub mean: Vec<f64>,
     /// Predicted displacement of the best individual along the target direction, in mm.
     pub value: Vec<f64>,
+    /// Its unit: that of forces of sides is mN.
+    pub unit: &'static str,
     /// Electrode area of the best individual, a share of the free membrane.
     pub area: Vec<f64>,
 }
@@ -43,6 +46,7 @@ pub fn evolution_sheet(data: &Evolution) -> Result<Sheet, FigureError> {
         let chart = Chart::new(title, [x, y], series.collect()).with_size([WIDTH, height]);
         Sheet::charts(1, &[chart])
     };
+    let what = quantity(data.unit);
     let percent: Vec<f64> = data.area.iter().map(|a| 100.0 * a).collect();
     Ok(Sheet::below(vec![
         chart(
@@ -53,10 +57,11 @@ pub fn evolution_sheet(data: &Evolution) -> Result<Sheet, FigureError> {
         ),
         chart(
             format!(
-                "Predicted displacement of the best individual: {} mm",
-                mm(data.value[n - 1])
+                "Predicted {what} of the best individual: {} {}",
+                mm(data.value[n - 1]),
+                data.unit
             ),
-            "Displacement [mm]",
+            &capitalised(&format!("{what} [{}]", data.unit)),
             &[("", Colour::Blue, &data.value)],
             LOW,
         ),

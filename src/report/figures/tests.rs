@@ -57,6 +57,7 @@ fn evolution(n: usize) -> Evolution {
         value: rise(1.6, 0.1),
         mean: rise(-1.3, 0.06),
         area: (0..n).map(|k| 0.5 + 0.02 * (k as f64 / 3.0).sin()).collect(),
+        unit: "mm",
     }
 }
 
@@ -68,6 +69,7 @@ fn cases() -> Vec<VerifiedPattern> {
             predicted: Some(2.08 * factor),
             simulated: 2.1 * factor,
             error: Some(0.003_21),
+            unit: "mm",
             least_width: None,
             gain: (factor > 0.9).then_some(factor / 0.9 - 1.0),
         })

@@ -3,9 +3,9 @@
 use maud::html;
 
 use super::membrane::electrode;
-use crate::designs::LEAST_MM;
+use crate::designs::{LEAST_MM, quantity};
 use crate::drawing::{Axis, Chart, Colour, DeformedMembrane, FigureError, Mark, Series, Sheet, exaggeration, extent};
-use crate::format::{mm, mm_measured, three};
+use crate::format::{capitalised, mm, mm_measured, three};
 use deaflow_base::rounded_by;
 use deaflow_pattern::Role;
 
@@ -22,6 +22,8 @@ pub struct VerifiedPattern {
     pub simulated: f64,
     /// Its estimated error in mm, if known.
     pub error: Option<f64>,
+    /// The unit of these values, which are forces of sides if it is mN.
+    pub unit: &'static str,
     /// Gain over the intuitive design at its own area, a fraction; `None` without a comparison.
     pub gain: Option<f64>,
     /// The required minimum width of electrodes and gaps, if there is one.
@@ -60,7 +62,7 @@ pub fn agreement_sheet(cases: &[VerifiedPattern]) -> Result<Sheet, FigureError> 
     }
     let scale = exaggeration(cases.iter().map(|case| &case.membrane));
     let drawn = |case: &VerifiedPattern| {
-        let reached = format!("{} mm, ", mm_measured(case.simulated, case.error));
+        let reached = format!("{} {}, ", mm_measured(case.simulated, case.error), case.unit);
         let chart = electrode(&case.name, &case.membrane, scale, SIDE);
         let note = reached + &chart.note;
         chart.with_note(note)
@@ -75,17 +77,19 @@ pub fn agreement_sheet(cases: &[VerifiedPattern]) -> Result<Sheet, FigureError> 
 
 /// Draws the gains over the intuitive design, or the displacements if nothing is compared with it.
 fn gains(cases: &[VerifiedPattern]) -> Option<Chart> {
+    let unit = cases.first()?.unit;
+    let what = quantity(unit);
     match cases.iter().any(|case| case.gain.is_some()) {
         true => bars(
             "Gain over the intuitive design at its own area",
-            "More displacement [%]",
+            &format!("More {what} [%]"),
             Colour::Blue,
             cases,
             |case| Some(100.0 * case.gain?),
         ),
         false => bars(
-            "Simulated displacement",
-            "Displacement [mm]",
+            &format!("Simulated {what}"),
+            &capitalised(&format!("{what} [{unit}]")),
             Colour::Blue,
             cases,
             |case| Some(case.simulated),
@@ -160,7 +164,7 @@ pub fn gallery_sheet(cases: &[VerifiedPattern]) -> Result<Sheet, FigureError> {
             markup: html! {
                 g.chart {
                     text class="ink" x="8" y="15" { (name) }
-                    text class="ink" x="8" y="30" { (case.rounded()) " mm" }
+                    text class="ink" x="8" y="30" { (case.rounded()) " " (case.unit) }
                     text x="8" y="45" { (width) }
                     g.membrane transform="translate(8 54) scale(0.128)" {
                         (membrane.background().draw_frame()) (membrane.electrode(scale))

@@ -53,10 +53,10 @@ impl Presenter for DesignPresenter {
                 .flatten()
                 .filter_map(|search| search.points.last())
                 .map(|(_, mm)| *mm);
-            let stage = &source.stage.stage;
+            let (stage, unit) = (&source.stage.stage, source.of(view.unit())?);
             Ok(match best.reduce(f64::max) {
                 Some(value) => Headline::good(format!(
-                    "{stage}: best design {} mm, as predicted by the search, not verified",
+                    "{stage}: best design {} {unit}, as predicted by the search, not verified",
                     mm(value)
                 )),
                 None => Headline::good(format!("{stage}: designs, not verified")),
@@ -72,11 +72,11 @@ impl Presenter for DesignPresenter {
         let charts = run.each(self.kind(), |source| {
             let view = source.of(Designs::open(source.artifact))?;
             let (generations, steps) = (source.of(generations(&view))?, source.of(steps(&view))?);
-            let stage = &source.stage.stage;
-            let by_generation = chart(stage, "genetic algorithm", "Generation", &generations);
+            let (stage, unit) = (source.stage.stage.as_str(), source.of(view.unit())?);
+            let by_generation = chart([stage, "genetic algorithm", "Generation"], unit, &generations);
             Ok([
                 by_generation,
-                chart(stage, "gradient search by finite elements", "Step", &steps),
+                chart([stage, "gradient search by finite elements", "Step"], unit, &steps),
             ])
         })?;
         let charts: Vec<Chart> = charts.into_iter().flatten().flatten().collect();
@@ -98,7 +98,8 @@ impl Presenter for DesignPresenter {
 
 /// Draws the history of a stage that has one search; the page has those of all.
 fn evolution(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportError> {
-    let history = source.of(Designs::open(source.artifact))?.history();
+    let view = source.of(Designs::open(source.artifact))?;
+    let history = view.history();
     let mut names = source.of(history.name().read())?;
     names.dedup();
     if names.len() != 1 {
@@ -109,6 +110,7 @@ fn evolution(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportError> 
         mean: source.of(history.mean().read())?,
         value: source.of(history.value().read())?,
         area: source.of(history.area().read())?,
+        unit: source.of(view.unit())?,
     };
     source.drawn(evolution_sheet(&data)).map(Some)
 }
@@ -203,7 +205,7 @@ fn searches(labels: Vec<String>, counts: &[u64], values: &[f64]) -> Vec<SearchCu
 
 /// Draws the distance of each search from its result on a logarithmic axis, which shows searches of all sizes and their
 /// last steps; `None` without any improvement.
-fn chart(stage: &str, what: &str, count: &str, searches: &[SearchCurve]) -> Option<Chart> {
+fn chart([stage, what, count]: [&str; 3], unit: &str, searches: &[SearchCurve]) -> Option<Chart> {
     let moving: Vec<(&SearchCurve, Vec<(f64, f64)>)> = searches
         .iter()
         .map(|search| (search, search.shortfalls()))
@@ -213,10 +215,9 @@ fn chart(stage: &str, what: &str, count: &str, searches: &[SearchCurve]) -> Opti
     let last = searches.iter().flat_map(|search| &search.points);
     let last = last.fold(0.0, |a: f64, (n, _)| a.max(*n));
     let note = match searches {
-        [one] => one
-            .points
-            .last()
-            .map_or(what.to_owned(), |(_, end)| format!("{what}, ends at {} mm", mm(*end))),
+        [one] => one.points.last().map_or(what.to_owned(), |(_, end)| {
+            format!("{what}, ends at {} {unit}", mm(*end))
+        }),
         several => format!("{what}, {} searches", several.len()),
     };
     let axes = [
@@ -267,8 +268,8 @@ mod tests {
             name: "b".into(),
             points: vec![(0.0, 0.0), (1.0, 0.0)],
         };
-        assert!(chart("s", "by gradients", "Step", &[still]).is_none());
-        let drawn = chart("s", "by gradients", "Step", &[search]).unwrap();
+        assert!(chart(["s", "by gradients", "Step"], "mm", &[still]).is_none());
+        let drawn = chart(["s", "by gradients", "Step"], "mm", &[search]).unwrap();
         assert_eq!(drawn.note, "by gradients, ends at 2.000 mm");
         assert!(drawn.legend().next().is_none(), "one curve needs no legend");
     }

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use serde_json::{Value, json};
+
 use crate::artifacts::{ArtifactReader, RunArtifacts};
 use crate::designs::membranes;
 use crate::drawing::{DeformedMembrane, Sheet};
@@ -15,6 +17,7 @@ use crate::rounds::{RoundSummary, by_round, draw_by_round, drawn};
 use crate::summary::{RowSummary, VerificationSummary, read};
 use deaflow_base::Document;
 use deaflow_content::Verification;
+use deaflow_field::REACTION_UNIT;
 use deaflow_pattern::Role;
 
 /// Presents verify stages.
@@ -30,7 +33,11 @@ impl Presenter for VerifyPresenter {
         let rounds = by_round(run.rounds, &summaries);
         let in_time = in_time(run)?;
         Ok(vec![
-            Results::new("results", &summaries, summaries.iter().map(ToString::to_string)),
+            Results::new(
+                "results",
+                &with_units(&summaries),
+                summaries.iter().map(ToString::to_string),
+            ),
             Results::new("rounds", &rounds, rounds.iter().map(ToString::to_string)),
             Results::new("in_time", &in_time, in_time.iter().map(ToString::to_string)),
         ])
@@ -80,6 +87,20 @@ impl Presenter for VerifyPresenter {
     }
 }
 
+/// Returns summaries whose values in mN have keys that end with `_mN`.
+fn with_units(summaries: &[VerificationSummary]) -> Vec<Value> {
+    let mut all: Vec<Value> = summaries.iter().map(|summary| json!(summary)).collect();
+    let forces = all.iter_mut().filter(|summary| summary.get("unit").is_some());
+    let rows = forces.filter_map(|summary| summary.get_mut("rows")?.as_array_mut());
+    for row in rows.flatten().filter_map(Value::as_object_mut) {
+        for value in ["predicted", "simulated", "simulated_error", "difference"] {
+            let known = row.remove(&format!("{value}_mm")).unwrap_or_default();
+            row.insert(format!("{value}_{REACTION_UNIT}"), known);
+        }
+    }
+    all
+}
+
 /// Reads the stages that have several times.
 fn in_time(run: &RunArtifacts<'_>) -> Result<Vec<InTime>, ReportError> {
     let each = run.each("verify", InTime::read)?;
@@ -90,6 +111,7 @@ fn in_time(run: &RunArtifacts<'_>) -> Result<Vec<InTime>, ReportError> {
 /// design of each target is drawn.
 fn verification(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportError> {
     let summary = read(source)?;
+    let unit = summary.unit;
     let mut rows: Vec<(usize, usize)> = Vec::new();
     for (row, case) in summary.rows.iter().enumerate() {
         if case.simulated_mm.is_some() {
@@ -120,6 +142,7 @@ fn verification(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportErro
             predicted: summary.comparable_prediction_mm(),
             simulated: summary.simulated_mm.unwrap_or(0.0),
             error: summary.simulated_error_mm,
+            unit,
             gain: summary.gain_own_area,
             least_width: least_width(&constraints[row]),
         }

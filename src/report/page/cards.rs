@@ -132,7 +132,7 @@ fn numbers(design: &Design) -> Markup {
     let ratio = design.compared.ratio.filter(|_| design.role != Role::Optimum);
     let value = match (simulated(design), design.predicted_mm) {
         (Some(simulated), _) => simulated,
-        (None, Some(predicted)) => format!("{} mm predicted", mm(predicted)),
+        (None, Some(predicted)) => format!("{} {} predicted", mm(predicted), design.objective.unit()),
         (None, None) => "no value".to_owned(),
     };
     html! {
@@ -161,10 +161,12 @@ fn rows(design: &Design) -> Markup {
     };
     let other = |name: &'static str, value: Option<f64>, shown: bool| {
         let value = value.filter(|_| shown)?;
-        Some((name, mm(value), gain(value)))
+        Some((name, design.number(value), gain(value)))
     };
     let error = design.prediction_error().map_or_else(String::new, change);
-    let predicted = design.predicted_mm.map(|value| ("predicted", mm(value), error));
+    let predicted = design
+        .predicted_mm
+        .map(|value| ("predicted", design.number(value), error));
     let target = design.objective.value_mm.map(|value| {
         let off = design
             .simulated_mm
@@ -204,7 +206,7 @@ fn rows(design: &Design) -> Markup {
 /// Writes the simulated value with its estimated error; `None` without a simulation.
 fn simulated(design: &Design) -> Option<String> {
     match (design.simulated_mm, &design.outcome, design.error_mm) {
-        (Some(value), _, error) => Some(format!("{} mm", mm_measured(value, error))),
+        (Some(value), _, error) => Some(format!("{} {}", mm_measured(value, error), design.objective.unit())),
         (None, Some(outcome), _) => Some(format!("no stable solution found ({outcome})")),
         (None, None, _) => None,
     }

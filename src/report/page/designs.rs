@@ -5,9 +5,10 @@ use maud::html;
 use super::cards::{FOLDER, cards, shared};
 use crate::designs::{Design, Role, is_swept, role_title};
 use crate::drawing::{Axis, Chart, Colour, DeformedMembrane, LEGEND, Mark, Series, exaggeration};
-use crate::format::{change, mm, mm_measured, percents, three};
+use crate::format::{capitalised, change, mm, mm_measured, percents, three};
 use crate::html::{Column, Page};
 use crate::intervals::verdict;
+use deaflow_field::REACTION_UNIT;
 
 /// Targets of different areas from which a curve is drawn.
 const CURVE: usize = 3;
@@ -100,7 +101,8 @@ pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
                 some => format!(", constraints {some}"),
             };
             page.note(&format!(
-                "Objective: displacement of {}, {area}{constraints}",
+                "Objective: {} of {}, {area}{constraints}",
+                first.objective.quantity(),
                 first.objective.description()
             ));
             page.add(cards(&target, scale));
@@ -168,7 +170,7 @@ fn row(design: &Design, is_swept: bool) -> Vec<String> {
         member => format!(" {}", member + 1),
     };
     let simulated = match (design.simulated_mm, design.error_mm, &design.outcome) {
-        (Some(value), error, _) => mm_measured(value, error),
+        (Some(value), error, _) => design.with_unit(mm_measured(value, error)),
         (None, _, Some(outcome)) => outcome.to_string(),
         (None, _, None) => "not verified".to_owned(),
     };
@@ -189,7 +191,7 @@ fn row(design: &Design, is_swept: bool) -> Vec<String> {
         design.units.to_string(),
         percents(design.area),
         three(design.area_mm2()),
-        text(design.predicted_mm.map(mm)),
+        text(design.predicted_mm.map(|value| design.number(value))),
         text(design.prediction_error().map(change)),
         simulated,
         text(design.interval.as_ref().map(|interval| interval.ends())),
@@ -234,11 +236,13 @@ fn curve(case: &[&Design]) -> Option<Chart> {
         .filter(|series| !series.points.is_empty())
         .collect();
     let values: Vec<f64> = series.iter().flat_map(|s| &s.points).map(|(_, mm)| *mm).collect();
+    let what = first.objective.quantity();
     let axes = [
         Axis::linear("Area [%]", 0.0, 100.0),
-        Axis::above("Simulated displacement [mm]", &values),
+        Axis::above(&format!("Simulated {what} [{}]", first.objective.unit()), &values),
     ];
-    let chart = Chart::new("Displacement over electrode area", axes, series);
+    let title = capitalised(&format!("{what} over electrode area"));
+    let chart = Chart::new(&title, axes, series);
     (!values.is_empty()).then(|| chart.with_note(first.objective.description()))
 }
 
@@ -263,6 +267,21 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
     if let Some(verdict) = verdict(with_interval) {
         page.line(&format!("Designs of the searches: {verdict}."));
     }
+    let charts = ["mm", REACTION_UNIT].map(|unit| {
+        let own: Vec<&Design> = known
+            .iter()
+            .copied()
+            .filter(|design| design.objective.unit() == unit)
+            .collect();
+        errors_chart(&own, unit)
+    });
+    for chart in charts.into_iter().flatten() {
+        page.charts([&chart]);
+    }
+}
+
+/// Draws the errors of the predictions of designs whose values have this unit; `None` if there are none.
+fn errors_chart(known: &[&Design], unit: &str) -> Option<Chart> {
     let simulated: Vec<f64> = known.iter().filter_map(|d| d.simulated_mm).collect();
     let series = |of: &dyn Fn(&Design) -> Option<(f64, f64)>| {
         let one = |(role, colour): (Role, Colour)| {
@@ -283,11 +302,11 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
     let error = |design: &Design| Some((design.simulated_mm?, 100.0 * design.prediction_error()?));
     let errors: Vec<f64> = known.iter().filter_map(|d| Some(error(d)?.1)).collect();
     if errors.is_empty() {
-        return;
+        return None;
     }
-    let x = Axis::between("Simulated [mm]", &simulated);
+    let x = Axis::between(&format!("Simulated [{unit}]"), &simulated);
     let zero = Series::new("", Colour::Grey, Mark::Dashed, x.ends().map(|end| (end, 0.0)).to_vec());
     let axes = [x, Axis::around("Predicted minus simulated [% of simulated]", &errors)];
     let differences = Chart::new("Error of the predictions", axes, [vec![zero], series(&error)].concat());
-    page.charts(&[differences.with_note("above the dashed line, the prediction is too large")]);
+    Some(differences.with_note("above the dashed line, the prediction is too large"))
 }

@@ -13,13 +13,16 @@ const REFERENCE = "optimum";
 /** Roles for people. @type {Record<string, string>} */
 const ROLES = { ga: "genetic algorithm", optimum: "gradient search", intuitive: "intuitive, own area", "intuitive-equal-area": "intuitive, equal area", own: "own pattern" };
 
+/** The unit of forces of sides; all other values are in mm. */
+const FORCE = "mN";
+
 /** Below a micrometre, the ratio of displacements means nothing. */
 const LEAST_MM = 1e-3;
 
 /** @param {HTMLElement} place @param {any} found */
 export async function designs(place, found) {
   const rows = await columnsOf(found.digest, "row");
-  const { values, errors } = await valuesOf(found, rows);
+  const { values, errors, unit } = await valuesOf(found, rows);
   const count = rows.name.length;
   const patterns = await patternsAt(found, Array.from({ length: count }, (_, at) => at));
   const errorBox = h("div", {});
@@ -40,7 +43,7 @@ export async function designs(place, found) {
           patterns[at] ?? null,
           rowLink(found.digest, at),
           h("div", {}, h("b", {}, ROLES[rows.role[at]] ?? rows.role[at]), rows.member?.[at] ? ` ${rows.member[at] + 1}` : ""),
-          h("div", {}, values[at] === null ? outcome ?? "no value" : `${errors[at] === null ? number(values[at]) : measured(values[at], errors[at])} mm`, shareOf(rows, values, at)),
+          h("div", {}, values[at] === null ? outcome ?? "no value" : `${errors[at] === null ? number(values[at]) : measured(values[at], errors[at])} ${unit}`, shareOf(rows, values, at)),
           h("div", { class: "soft" }, [areaWords(found, rows.area[at]), rows.case[at]].filter(Boolean).join(", ")),
         ),
         h("div", { class: "tools tight", role: "group", "aria-label": `Mask of ${ROLES[rows.role[at]] ?? rows.role[at]}` }, FORMATS.map((format) => h("button", { type: "button", class: "slim", "data-mask": format, onclick: () => void keep(format, at) }, format))),
@@ -48,7 +51,7 @@ export async function designs(place, found) {
     };
     return h("section", {}, h("h2", {}, name || "the target"), rows.objective ? h("p", { class: "soft small" }, rows.objective[own[0]]) : null, h("div", { class: "cards large" }, order.map(one)));
   };
-  const what = found.kind === "verify" ? "Simulated displacements along the target direction." : "Displacements along the target direction as predicted by the search; a verify stage simulates them.";
+  const what = unit === FORCE ? `Changes of the force of sides on the membrane along the target direction, ${found.kind === "verify" ? "simulated" : "as predicted by the search; a verify stage simulates them"}.` : found.kind === "verify" ? "Simulated displacements along the target direction." : "Displacements along the target direction as predicted by the search; a verify stage simulates them.";
   replace(place, h("p", { class: "soft" }, what, " The buttons save masks at the size of the prestretched membrane."), errorBox, [...new Set(rows.name)].map(target));
 }
 
@@ -70,16 +73,21 @@ function shareOf(rows, values, at) {
 }
 
 /**
- * The value of each row in mm, null without a field, and its error, null if it is not known.
- * @param {any} found @param {Record<string, any[]>} rows @returns {Promise<{values: (number|null)[], errors: (number|null)[]}>}
+ * The value of each row in its unit, null without a field, and its error, null if it is not known. Columns have their unit in their name.
+ * @param {any} found @param {Record<string, any[]>} rows @returns {Promise<{values: (number|null)[], errors: (number|null)[], unit: string}>}
  */
 async function valuesOf(found, rows) {
-  if (found.kind !== "verify") return { values: rows.value_mm, errors: rows.value_mm.map(() => null) };
+  if (found.kind !== "verify") {
+    const unit = rows[`value_${FORCE}`] ? FORCE : "mm";
+    const values = rows[`value_${unit}`];
+    return { values, errors: values.map(() => null), unit };
+  }
   // There are simulated values only for the patterns with a field, in their order.
   const simulated = await columnsOf(found.digest, "simulated_row");
   let next = 0;
   const places = rows.outcome.map((outcome) => (["converged", "estimated"].includes(outcome) ? next++ : -1));
   const at = (/** @type {string} */ name) => places.map((place) => simulated[name]?.[place] ?? null);
   const known = at("component/error_known");
-  return { values: at("component/simulated_mm"), errors: at("component/error_mm").map((error, row) => (known[row] ? error : null)) };
+  const unit = simulated[`component/simulated_${FORCE}`] ? FORCE : "mm";
+  return { values: at(`component/simulated_${unit}`), errors: at(`component/error_${unit}`).map((error, row) => (known[row] ? error : null)), unit };
 }

@@ -9,6 +9,8 @@ use deaflow_orchestrator::Job;
 /// Reports the progress of a search and stores its checkpoints.
 pub struct Follow<'a> {
     job: &'a Job<'a>,
+    /// The unit of values.
+    unit: &'static str,
     /// The share of a step for the first generation: it has no step of its own, and takes half of the step of the
     /// second one.
     first: f64,
@@ -25,10 +27,11 @@ const USUAL_STEPS: f64 = 20.0;
 
 impl<'a> Follow<'a> {
     /// An observer of the search of a job.
-    pub fn new(job: &'a Job<'a>, generations: usize) -> Self {
+    pub fn new(job: &'a Job<'a>, generations: usize, unit: &'static str) -> Self {
         let first = if generations == 0 { 1.0 } else { 0.5 };
         Self {
             job,
+            unit,
             first,
             generation: Cell::new((0.0, first)),
             steps: Cell::default(),
@@ -52,10 +55,11 @@ const CHECKPOINT: &str = "search";
 
 impl Observer for Follow<'_> {
     fn generation(&self, report: &GenerationReport) {
-        let (number, mm, area) = (report.generation, report.value_mm, report.area);
+        let (number, value, area) = (report.generation, report.value_mm, report.area);
         let note = format!(
-            "generation {number}: best {} mm at area {:.1} %",
-            four_digits(mm),
+            "generation {number}: best {} {} at area {:.1} %",
+            four_digits(value),
+            self.unit,
             100.0 * area
         );
         self.job.progress.note(&note);
@@ -102,8 +106,9 @@ impl SearchProgress for Follow<'_> {
         let steps = self.steps.get() + 1;
         self.steps.set(steps);
         let note = format!(
-            "gradient step {steps}: {} mm at area {:.1} %",
+            "gradient step {steps}: {} {} at area {:.1} %",
             four_digits(step.value_mm),
+            self.unit,
             100.0 * step.area
         );
         self.job.progress.note(&note);

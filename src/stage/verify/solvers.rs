@@ -152,7 +152,8 @@ impl SolvedStates {
         let values_mm = (0..).map_while(at_time).map(|fields| goal.value_mm(&fields)).collect();
         // An error bound of every state is an error bound of their mean.
         let bounds = states.iter().map(|state| state.result.discretisation_error);
-        let bounds = bounds.collect::<Option<Vec<f64>>>();
+        // It is one of displacements, and not of forces.
+        let bounds = bounds.collect::<Option<Vec<f64>>>().filter(|_| !goal.is_reaction());
         let bound = bounds.map(|errors| errors.into_iter().fold(0.0, f64::max));
         Simulated {
             outcome: without.unwrap_or(states[0].result.simulation.outcome),

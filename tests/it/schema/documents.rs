@@ -174,6 +174,8 @@ stages:
   pulled: { kind: design, seed: 1, objective: { bar: right, direction: 0, weight: 2, state: push, value: 1 mm } }
   hauled: { kind: design, seed: 1, objective: { bar: right, translation: [0.1 mm, 0.2 mm], state: push } }
   swung: { kind: design, seed: 1, objective: { bar: right, rotation: clockwise, state: pull, measure: displacement } }
+  blocked: { kind: design, seed: 1, objective: { reaction: right, direction: 0, weight: 2, state: push } }
+  gripped: { kind: design, seed: 1, objective: { points: [{ reaction: right, direction: 0, weight: 2, state: push }, { reaction: left, direction: 0, state: pull }] } }
   both: { kind: design, seed: 1, objective: { points: [{ bar: right, direction: 0, weight: 2, state: push }, { bar: right, rotation: clockwise, state: pull }] } }
   far: { kind: design, seed: 1, objective: { points: [{ bar: right, translation: [0.1, 0.2], state: push }] } }
   alone: { kind: design, seed: 1, objective: { body: 0, direction: 0, weight: 2, state: push, value: 1 mm } }

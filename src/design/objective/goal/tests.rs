@@ -205,6 +205,35 @@ fn a_body_turns_by_the_arc_of_its_outermost_corner() {
 }
 
 #[test]
+fn forces_of_sides_have_their_own_slopes() {
+    let aim = |side, degrees, weight| Aim {
+        reaction: Some(side),
+        weight,
+        ..Aim::new([50.0, 25.0], Motion::Along(degrees))
+    };
+    let aims = [aim(1, 180.0, 3.0), aim(3, 30.0, 1.0)];
+    let goal = Goal::new(&Displacement, &aims, Membrane::square(50.0), None, 0.0).unwrap();
+    let forces = [[7.0, 8.0], [-4.0, 1.0], [9.0, 5.0], [2.0, 6.0]];
+    let of = |forces| [wavy(3).with_reactions(forces)];
+    let expected = 0.75 * 4.0 + 0.25 * (3f64.sqrt() + 3.0);
+    assert!((goal.value_mm(&of(forces)) - expected).abs() < 1e-12 && goal.unit() == "mN");
+    let slope = goal.slope(&of(forces)).remove(0);
+    assert_eq!(slope.max_magnitude(), 0.0);
+    for (side, c) in (0..4).flat_map(|side| [(side, 0), (side, 1)]) {
+        let moved = |by: f64| {
+            let mut forces = forces;
+            forces[side][c] += by;
+            goal.score(&of(forces))
+        };
+        let difference = (moved(1e-3) - moved(-1e-3)) / 2e-3;
+        assert!((slope.reactions()[side][c] - difference).abs() < 1e-9, "{side} {c}");
+    }
+    let mixed = [aims[0], Aim::new([25.0, 25.0], Motion::Along(0.0))];
+    let mixed = Goal::new(&Displacement, &mixed, Membrane::square(50.0), None, 0.0);
+    assert_eq!(mixed, Err(GoalError::Units));
+}
+
+#[test]
 fn each_state_has_its_own_field() {
     // A stroke: to the right in one state, to the left in the other.
     let aim = |state, degrees| Aim {
