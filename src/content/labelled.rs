@@ -69,13 +69,14 @@ impl<'a> Labelled<'a> {
         }
     }
 
-    /// Reads the concatenated values of some fields in mm from an artifact that is not a manifest.
+    /// Reads the concatenated values of some fields in mm from an artifact that is not a manifest: displacements from the
+    /// state without voltage, if not all sides are held.
     ///
     /// # Errors
     /// If they cannot be read.
     pub fn displacement(&self, fields: Range<usize>) -> Result<Vec<f64>, StoreError> {
         match self {
-            Self::Solved(view) => view.displacement().numbers(fields),
+            Self::Solved(view) => view.from_rest(fields),
             Self::Balanced(view) => view.displacement().numbers(fields),
             Self::Verified(view) => view.displacement().numbers(fields),
         }

@@ -3,6 +3,8 @@
 //! Samples with a field are at the root, the others under `unstable/` with the reason, so that no row has invalid
 //! numbers.
 
+use std::ops::Range;
+
 use super::element::{Packed, PerBody};
 use super::macros::arrays;
 use super::observations::{Meshes, Observations};
@@ -51,6 +53,21 @@ arrays! {
 }
 
 impl SolutionsView<'_> {
+    /// Reads the concatenated values of some displacements in mm, of an artifact that is not a manifest, from the state
+    /// without voltage if not all sides are held.
+    ///
+    /// # Errors
+    /// If they cannot be read.
+    pub fn from_rest(&self, samples: Range<usize>) -> Result<Vec<f64>, StoreError> {
+        let mut values = self.displacement().numbers(samples.clone())?;
+        let rest = self.observations().rest();
+        if rest.is_there()? {
+            let at_rest = rest.numbers(samples)?;
+            values.iter_mut().zip(at_rest).for_each(|(value, rest)| *value -= rest);
+        }
+        Ok(values)
+    }
+
     /// Returns for each sample whether a finer mesh could reject its solution: the critical voltage on the mesh of the
     /// solution is above that of the scene by less than it may be too high. Without critical voltages no sample is.
     ///

@@ -65,6 +65,7 @@ impl Kind for CalibrateKind {
             ));
         }
         needed::unseen(stage, needs)?;
+        needed::labels_from_rest(stage, needs)?;
         Ok(StageCheck {
             warnings: enough::check(stage, needs)?,
             ..StageCheck::default()

@@ -87,6 +87,7 @@ impl Kind for EvaluateKind {
             ));
         }
         needed::unseen(stage, needs)?;
+        needed::labels_from_rest(stage, needs)?;
         needed::own_calibrations(stage, needs)?;
         Ok(StageCheck::default())
     }

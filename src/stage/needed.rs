@@ -176,23 +176,25 @@ fn one_scene(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Re
     Ok(())
 }
 
-/// Refuses devices with sides that are not held: networks are zero on all sides.
+/// Refuses labels of devices with sides that are not held that count from the mount: networks learn displacements from
+/// rest, which only solved samples and verified designs have.
 ///
 /// # Errors
-/// If the scene of a need has one.
-pub fn no_free_sides(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
-    let has_free_sides = |need: &&StageDeclaration<'_>| {
-        let scene = nearest(need, simulating).and_then(|(_, origin)| read_of(&origin));
-        scene.is_some_and(|scene| scene.geometry.sides.is_some())
+/// If a need has such labels.
+pub fn labels_from_rest(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
+    let counts_from_mount = |need: &&StageDeclaration<'_>| {
+        let scene = || nearest(need, simulating).and_then(|(_, origin)| read_of(&origin));
+        ["balance", "import"].contains(&need.kind) && scene().is_some_and(|scene| scene.geometry.sides.is_some())
     };
-    match needs.iter().find(has_free_sides) {
+    match needs.iter().find(counts_from_mount) {
         None => Ok(()),
         Some(need) => Err(named(stage, need.name)
             .error(format!(
-                "`{}` simulates a device with `sides` that are not held, but networks are zero on all sides",
+                "the displacements of `{}` count from the mount, and networks of a device with `sides` that are not held \
+                 predict those from rest",
                 need.name
             ))
-            .help("search for designs with `evaluator: newton`")),
+            .help("name stages of kind `solve` in place of it; `symmetry: d4` of a training makes the images")),
     }
 }
 

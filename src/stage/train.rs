@@ -19,7 +19,7 @@ use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageCheck, Sta
 use deaflow_scene::Scene;
 use deaflow_store::{Artifact, Object};
 use deaflow_surrogate::{
-    Constants, NetworkKind, OptimizerKind, TrainError, TrainOptions, TrainingRecord, annotated, train, update,
+    Constants, Corners, NetworkKind, OptimizerKind, TrainError, TrainOptions, TrainingRecord, annotated, train, update,
 };
 use follow::Follow;
 
@@ -77,7 +77,7 @@ impl Kind for TrainKind {
         without::check(stage, needs)?;
         needed::one_device(stage, needs)?;
         needed::no_edges_within_cells(stage, needs)?;
-        needed::no_free_sides(stage, needs)?;
+        needed::labels_from_rest(stage, needs)?;
         needed::no_designs_in_states(stage, needs)?;
         if needed::count(needs, &["train"]) > 1 {
             return Err(needed::wrong_number(
@@ -173,6 +173,7 @@ impl TrainParameters {
             gradient_norm: self.gradient_norm.map(Decimal::to_f64),
             symmetry: self.symmetry,
             symmetries: scene.symmetries(),
+            sides: Corners::of(scene).held(),
             loads: scene.group_loads(),
             max_weight: self.max_weight.to_f64(),
             auxiliary_weight: self.auxiliary_weight.to_f64(),

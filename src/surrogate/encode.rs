@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use candle_core::{Device, Result, Tensor};
 
-use super::corners::inner_sides;
+use super::corners::Corners;
 use super::example::Label;
 use deaflow_field::{Field, FieldError};
 use deaflow_pattern::{Pattern, Raster};
@@ -40,9 +40,9 @@ fn inner_row(raster: Raster, y: usize) -> Range<usize> {
     2 * (first + 1)..2 * (first + columns)
 }
 
-/// Encodes labels as (n, rows − 1, columns − 1, 2) in units of `scale` mm.
-pub(crate) fn labels_to_tensor(raster: Raster, labels: &[Label], scale: f64) -> Result<Tensor> {
-    let [columns, rows] = inner_sides(raster);
+/// Encodes labels at corners as (n, rows of corners, columns of corners, 2) in units of `scale` mm.
+pub(crate) fn labels_to_tensor(corners: Corners, labels: &[Label], scale: f64) -> Result<Tensor> {
+    let [columns, rows] = corners.sides();
     let mut values = Vec::with_capacity(2 * columns * rows * labels.len());
     for label in labels {
         values.extend(label.values().iter().map(|u| (f64::from(*u) / scale) as f32));
@@ -60,18 +60,23 @@ pub(crate) fn half_resolution(fields: &Tensor) -> Result<Tensor> {
     x.index_select(&every_second(1)?, 1)?.index_select(&every_second(2)?, 2)
 }
 
-/// Decodes fields in mm from (n, rows − 1, columns − 1, 2) in units of `scale` mm. The edges are zero.
+/// Decodes fields in mm from (n, rows of corners, columns of corners, 2) in units of `scale` mm. Edges without outputs
+/// are zero.
 ///
 /// # Errors
 /// The outer error when the tensor cannot be read; the inner error when a value is not finite.
 pub(crate) fn tensor_to_fields(
-    raster: Raster,
+    corners: Corners,
     tensor: &Tensor,
     scale: f64,
 ) -> Result<std::result::Result<Vec<Field>, FieldError>> {
-    let [columns, rows] = inner_sides(raster);
+    let ([columns, rows], raster) = (corners.sides(), corners.raster());
     let values = tensor.flatten_all()?.to_vec1::<f32>()?;
     let fields = values.chunks_exact(2 * columns * rows).map(|image| {
+        if corners.held().is_some() {
+            let values = image.iter().map(|v| f64::from(*v) * scale);
+            return Field::from_values(raster, values.collect());
+        }
         let mut values = vec![0.0; 2 * raster.corners()];
         for (y, row) in (1..).zip(image.chunks_exact(2 * columns)) {
             let inner = values[inner_row(raster, y)].iter_mut();
@@ -101,15 +106,35 @@ mod tests {
         };
         let field = Field::from_values(Raster::PAPER, (0..CORNERS * CORNERS * 2).map(value).collect()).unwrap();
         let labels = [Label::from(&field), Label::zero(Raster::PAPER)];
-        let tensor = labels_to_tensor(Raster::PAPER, &labels, 0.25).unwrap();
+        let tensor = labels_to_tensor(Corners::inner(Raster::PAPER), &labels, 0.25).unwrap();
         assert_eq!(tensor.dims(), [2, INNER, INNER, 2]);
-        let back = tensor_to_fields(Raster::PAPER, &tensor, 0.25).unwrap().unwrap();
+        let back = tensor_to_fields(Corners::inner(Raster::PAPER), &tensor, 0.25)
+            .unwrap()
+            .unwrap();
         assert_eq!(back, [field.clone(), Field::zero(Raster::PAPER)]);
         // At half resolution: the x displacement at the odd corners.
         let half = half_resolution(&tensor).unwrap();
         assert_eq!(half.dims(), [2, 25, 25, 1]);
         let corner = half.flatten_all().unwrap().to_vec1::<f32>().unwrap()[3 * 25 + 24];
         assert_eq!(f64::from(corner) * 0.25, field.at_corner(49, 7)[0]);
+    }
+
+    #[test]
+    fn fields_of_devices_with_free_sides_survive_at_all_corners() {
+        let raster = Raster::new(5, 3).unwrap();
+        let corners = Corners::all(raster, [[true; 2], [false; 2], [false; 2], [false; 2]]);
+        let value = |i: usize| {
+            if (i / 2).is_multiple_of(6) {
+                0.0
+            } else {
+                ((i * 37 % 101) as f64 - 50.0) / 32.0
+            }
+        };
+        let field = Field::from_values(raster, (0..2 * raster.corners()).map(value).collect()).unwrap();
+        let label = Label::at(corners, field.values()).unwrap();
+        let tensor = labels_to_tensor(corners, &[label], 0.25).unwrap();
+        assert_eq!(tensor.dims(), [1, 4, 6, 2]);
+        assert_eq!(tensor_to_fields(corners, &tensor, 0.25).unwrap().unwrap(), [field]);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::corners::{inner_corners, inner_sides};
+use super::corners::{Corners, inner_sides};
 use deaflow_dataset::Split;
 use deaflow_field::Field;
 use deaflow_pattern::{Pattern, Raster, Symmetry};
@@ -23,12 +23,12 @@ pub struct Example {
     pub repeats: u32,
 }
 
-/// A displacement field in mm at the inner corners, `[y][x][component]`, in single precision. Images of a field under
-/// symmetries share its memory.
+/// A displacement field in mm at the corners that a network predicts, `[y][x][component]`, in single precision. Images
+/// of a field under symmetries share its memory.
 #[derive(Clone, Debug)]
 pub struct Label {
-    /// Cells of the stored field.
-    raster: Raster,
+    /// Corners of the stored field.
+    corners: Corners,
     values: Arc<[f32]>,
     /// The label is the image of the stored field under this symmetry.
     symmetry: Symmetry,
@@ -63,31 +63,42 @@ pub enum LabelError {
 const STILL_MM: f64 = 1e-6;
 
 impl Label {
-    /// Creates a label from the values of a field in mm, two for each corner.
+    /// Creates a label of a device whose sides are held from the values of a field in mm, two for each corner.
     ///
     /// # Errors
-    /// When the count is wrong, a value is not finite in single precision, or the frame moves.
+    /// As [`Label::at`].
     pub fn from_values(raster: Raster, values: &[f64]) -> Result<Self, LabelError> {
+        Self::at(Corners::inner(raster), values)
+    }
+
+    /// Creates a label from the values of a field from rest in mm, two for each corner of the device.
+    ///
+    /// # Errors
+    /// When the count is wrong, a value is not finite in single precision, or a side moves where it is held.
+    pub fn at(corners: Corners, values: &[f64]) -> Result<Self, LabelError> {
+        let raster = corners.raster();
         if values.len() != 2 * raster.corners() {
             let found = values.len();
             return Err(LabelError::Shape { raster, found });
         }
-        let ([columns, rows], [across, _]) = (raster.sides(), raster.corner_sides());
-        let mut inner = Vec::with_capacity(2 * inner_corners(raster));
+        let [across, _] = raster.corner_sides();
+        let mut kept = Vec::with_capacity(2 * corners.count());
         for (at, &value) in values.iter().enumerate() {
             if !(value as f32).is_finite() {
                 return Err(LabelError::NotFinite(value));
             }
-            let (x, y) = (at / 2 % across, at / 2 / across);
-            if (1..columns).contains(&x) && (1..rows).contains(&y) {
-                inner.push(value as f32);
-            } else if value.abs() > STILL_MM {
+            let corner = [at / 2 % across, at / 2 / across];
+            let is_held = corners.holds(corner, at % 2);
+            if is_held && value.abs() > STILL_MM {
                 return Err(LabelError::Frame(value));
+            }
+            if corners.has(corner) {
+                kept.push(if is_held { 0.0 } else { value as f32 });
             }
         }
         Ok(Self {
-            raster,
-            values: inner.into(),
+            corners,
+            values: kept.into(),
             symmetry: Symmetry::IDENTITY,
         })
     }
@@ -101,10 +112,10 @@ impl Label {
     /// Returns the cells of the field.
     #[must_use]
     pub fn raster(&self) -> Raster {
-        self.raster.transformed(self.symmetry)
+        self.corners.raster().transformed(self.symmetry)
     }
 
-    /// Returns the displacements in mm at the inner corners, `[y][x][component]`.
+    /// Returns the displacements in mm at the corners that a network predicts, `[y][x][component]`.
     #[must_use]
     pub fn values(&self) -> Cow<'_, [f32]> {
         if self.symmetry == Symmetry::IDENTITY {
@@ -112,7 +123,7 @@ impl Label {
         }
         let mut values = vec![0.0; self.values.len()];
         let [[a, b], [c, d]] = self.symmetry.matrix().map(|row| row.map(|entry| entry as f32));
-        let to = self.symmetry.permutation(inner_sides(self.raster));
+        let to = self.symmetry.permutation(self.corners.sides());
         for (u, to) in self.values.chunks_exact(2).zip(to) {
             values[2 * to] = a * u[0] + b * u[1];
             values[2 * to + 1] = c * u[0] + d * u[1];
@@ -138,7 +149,7 @@ impl Label {
     #[must_use]
     pub fn transformed(&self, g: Symmetry) -> Self {
         Self {
-            raster: self.raster,
+            corners: self.corners,
             values: Arc::clone(&self.values),
             symmetry: g.compose(self.symmetry),
         }
@@ -166,7 +177,7 @@ impl From<&Field> for Label {
         let rows = field.values().chunks_exact(2 * (columns + 1)).skip(1).take(rows);
         let values = rows.flat_map(|row| &row[2..2 * columns]).map(|u| *u as f32);
         Self {
-            raster,
+            corners: Corners::inner(raster),
             values: values.collect(),
             symmetry: Symmetry::IDENTITY,
         }
@@ -218,6 +229,33 @@ mod tests {
             for g in Symmetry::ALL {
                 assert_eq!(Label::from(&field).transformed(g), Label::from(&field.transformed(g)));
             }
+        }
+    }
+
+    #[test]
+    fn labels_of_devices_with_free_sides_hold_all_corners() {
+        let raster = Raster::new(6, 3).unwrap();
+        let corners = Corners::all(raster, [[true; 2], [false, true], [false; 2], [false; 2]]);
+        let value = |at: usize, c: usize| match (at % 7, c) {
+            (0, _) | (6, 1) => 0.0,
+            _ => ((2 * at + c) * 37 % 101) as f64,
+        };
+        let values: Vec<f64> = (0..2 * raster.corners()).map(|i| value(i / 2, i % 2)).collect();
+        let label = Label::at(corners, &values).unwrap();
+        let field = Field::from_values(raster, values.clone()).unwrap();
+        assert_eq!(label.values().len(), values.len());
+        assert_eq!(label.max_magnitude(), field.max_magnitude());
+        // A mirror along y keeps the sides.
+        let mirror = Symmetry::ALL
+            .into_iter()
+            .find(|g| g.matrix() == [[1, 0], [0, -1]])
+            .unwrap();
+        let image = Label::at(corners, field.transformed(mirror).values()).unwrap();
+        assert_eq!(label.transformed(mirror), image);
+        for at in [0, 1, 13] {
+            let mut moved = values.clone();
+            moved[at] = 0.5;
+            assert_eq!(Label::at(corners, &moved), Err(LabelError::Frame(0.5)), "{at}");
         }
     }
 

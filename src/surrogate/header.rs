@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
-use super::corners::inner_sides;
+use super::corners::{Corners, HeldSides};
 use deaflow_pattern::{Pattern, PatternForm, Raster};
 use deaflow_scene::Scene;
 
@@ -54,6 +54,9 @@ struct Output {
     components: (String, String),
     frame: String,
     network: String,
+    /// The components along x and y that the left, right, lower and upper side hold, if not all are held.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sides: Option<HeldSides>,
 }
 
 /// Names of the tensors of a model.
@@ -85,14 +88,14 @@ pub struct TrainingRecord {
 }
 
 impl Header {
-    /// Creates the header of a network for these cells and group loads whose output has the unit `scale_mm`.
-    pub(crate) fn new(network: &str, raster: Raster, loads: &[f64], scale_mm: f64) -> Self {
+    /// Creates the header of a network for these corners and group loads whose output has the unit `scale_mm`.
+    pub(crate) fn new(network: &str, corners: Corners, loads: &[f64], scale_mm: f64) -> Self {
         Self {
             format_version: VERSION,
             network: network.to_owned(),
             scale_mm,
-            input: Input::on(raster, loads),
-            output: Output::on(raster),
+            input: Input::on(corners.raster(), loads),
+            output: Output::on(corners),
             scene: None,
             training: None,
             tensors: Tensors::default(),
@@ -103,6 +106,14 @@ impl Header {
     pub(crate) fn raster(&self) -> Option<Raster> {
         let (_, rows, columns) = self.input.shape;
         Raster::new(columns, rows)
+    }
+
+    /// Returns the corners of its output for patterns of these cells.
+    pub(crate) fn corners(&self, raster: Raster) -> Corners {
+        match self.output.sides {
+            Some(held) => Corners::all(raster, held),
+            None => Corners::inner(raster),
+        }
     }
 
     /// Returns the form of its patterns; the scene knows the size of the membrane.
@@ -130,7 +141,7 @@ impl Header {
         if !self.loads().iter().all(|load| (0.0..=1.0).contains(load)) || self.loads().len() > Pattern::MOST_GROUPS {
             return Some(format!("invalid group loads {:?}", self.loads()));
         }
-        if self.output != Output::on(raster) {
+        if self.output != Output::on(self.corners(raster)) {
             return Some("unknown form of displacements".to_owned());
         }
         None
@@ -158,15 +169,23 @@ impl Input {
 }
 
 impl Output {
-    fn on(raster: Raster) -> Self {
-        let ([columns, rows], [across, up]) = (inner_sides(raster), raster.corner_sides());
+    fn on(corners: Corners) -> Self {
+        let ([columns, rows], [across, up]) = (corners.sides(), corners.raster().corner_sides());
+        let text = |all: &str, some: &str| if corners.held().is_none() { all } else { some }.to_owned();
         Self {
             shape: ("n".into(), up, across, 2),
             axes: "[pattern][y][x][component] at the corners of the cells, origin lower left".into(),
             unit: "mm".into(),
             components: ("x".into(), "y".into()),
-            frame: "zero: the outer corners do not move".into(),
-            network: format!("[n][{rows}][{columns}][2] at the inner corners, to be multiplied by scale_mm"),
+            frame: text(
+                "zero: the outer corners do not move",
+                "zero along components that sides hold; displacements count from the state without voltage",
+            ),
+            network: format!(
+                "[n][{rows}][{columns}][2] at the {}corners, to be multiplied by scale_mm",
+                text("inner ", "")
+            ),
+            sides: corners.held(),
         }
     }
 }

@@ -33,6 +33,7 @@ pub use calibration::{
     COVERAGE, Calibration, CalibrationError, CalibrationParts, CalibrationSample, DifficultyParts, FALSE_ALARM,
     Interval, MIN_PATTERNS, NoveltyParts, ObjectiveIntervals,
 };
+pub use corners::{Corners, HeldSides};
 pub use evaluation::{Coverage, OBJECTIVES, PatternScore, RowScores, Score, Scorer};
 pub use example::{Example, Label, LabelError};
 pub use examples::{Collector, Examples, LabelledRow, LeftOut, LeftOutReason, NoExamples, RowKind, SPLIT_SEED};

@@ -1,5 +1,6 @@
 //! Options of a training.
 
+use super::corners::HeldSides;
 use super::networks::NetworkKind;
 use super::outcome::TrainError;
 use deaflow_base::words;
@@ -43,6 +44,8 @@ pub struct TrainOptions {
     pub symmetry: SymmetryGroup,
     /// Symmetries of the device, from which augmentation draws. Default: those of the square.
     pub symmetries: Symmetries,
+    /// The components that the sides of the device hold; displacements then count from rest. Default: all sides are held.
+    pub sides: Option<HeldSides>,
     /// Load of each electrode group relative to the largest. Load is proportional to voltage squared. Default: one
     /// group.
     pub loads: Vec<f64>,
@@ -67,6 +70,7 @@ impl Default for TrainOptions {
             gradient_norm: None,
             symmetry: SymmetryGroup::None,
             symmetries: Symmetries::SQUARE,
+            sides: None,
             loads: vec![1.0],
             max_weight: 0.1,
             auxiliary_weight: 0.2,

@@ -39,7 +39,9 @@ impl Surrogate {
         let form = header.form();
         let form = form.ok_or_else(|| LoadError::Unsuitable("unknown form of patterns".to_owned()))?;
         let weights = StoredWeights::new(&tensors);
-        let network = kind.build(&weights.builder(), form.raster).map_err(unsuitable)?;
+        let network = kind
+            .build(&weights.builder(), header.corners(form.raster))
+            .map_err(unsuitable)?;
         if let Some(name) = weights.unused() {
             let why = format!("network {} has no tensor {name}", kind.name());
             return Err(LoadError::Unsuitable(why));
@@ -108,7 +110,7 @@ fn check_tensor(name: &str, tensor: &Tensor) -> Result<(), LoadError> {
     }
 }
 
-/// Predicts the field of each pattern in mm.
+/// Predicts the field of each pattern in mm; from rest if not all sides are held.
 fn evaluate(
     network: &dyn Network,
     PatternForm { raster, groups, .. }: PatternForm,
@@ -125,10 +127,11 @@ fn evaluate(
         return Err(PredictError::failed(why));
     }
     let failed = |e: candle_core::Error| PredictError::failed(e);
+    let corners = header.corners(raster);
     let chunks = patterns.par_chunks(network.patterns_per_thread()).map(|chunk| {
         let input = patterns_to_tensor(raster, header.loads(), chunk.iter().copied()).map_err(failed)?;
         let displacement = network.forward(&input).map_err(failed)?;
-        let fields = tensor_to_fields(raster, &displacement, header.scale_mm).map_err(failed)?;
+        let fields = tensor_to_fields(corners, &displacement, header.scale_mm).map_err(failed)?;
         fields.map_err(PredictError::failed)
     });
     let chunks: Result<Vec<_>, _> = chunks.collect();

@@ -8,17 +8,18 @@ use std::borrow::Cow;
 use candle_core::{Result, Tensor, Var};
 use rayon::prelude::*;
 
+use super::corners::Corners;
 use super::encode::{labels_to_tensor, patterns_to_tensor};
 use super::example::{Example, Label};
 use super::loss::{LossWeights, total_loss};
 use super::metrics::ErrorSums;
 use super::networks::{Network, Output};
-use deaflow_pattern::{Pattern, Raster, Symmetry};
+use deaflow_pattern::{Pattern, Symmetry};
 
 /// The network and the loss of a training.
 pub(crate) struct Problem<'a> {
-    /// Cells of the patterns.
-    pub(crate) raster: Raster,
+    /// The corners of the labels.
+    pub(crate) corners: Corners,
     /// Load of each electrode group relative to the largest.
     pub(crate) loads: &'a [f64],
     /// The network.
@@ -144,14 +145,14 @@ impl Problem<'_> {
     /// Encodes the patterns of examples as network input.
     fn patterns(&self, examples: &[Augmented<'_>]) -> Result<Tensor> {
         let patterns: Vec<Cow<'_, Pattern>> = examples.iter().map(|example| example.pattern()).collect();
-        patterns_to_tensor(self.raster, self.loads, patterns.iter().map(AsRef::as_ref))
+        patterns_to_tensor(self.corners.raster(), self.loads, patterns.iter().map(AsRef::as_ref))
     }
 
     /// Computes the network output and the loss summed over the examples.
     fn evaluate(&self, part: Batch<'_>) -> Result<(Output, Tensor)> {
         let patterns = self.patterns(part.examples)?;
         let labels: Vec<Label> = part.examples.iter().map(|example| example.label()).collect();
-        let labels = labels_to_tensor(self.raster, &labels, self.scale_mm)?;
+        let labels = labels_to_tensor(self.corners, &labels, self.scale_mm)?;
         let output = self.network.forward_for_training(&patterns, part.frozen)?;
         let loss = total_loss(&output, &labels, self.loss)?;
         Ok((output, loss))
@@ -193,19 +194,22 @@ mod tests {
     use crate::parameters::RandomWeights;
     use crate::testing::examples;
     use deaflow_dataset::Split;
+    use deaflow_pattern::Raster;
 
     #[test]
     fn the_gradient_is_that_of_the_mean_loss() {
         let constants = std::collections::BTreeMap::new();
         let weights = RandomWeights::new(&constants, 1);
-        let network = NetworkKind::Qin2024.build(&weights.builder(), Raster::PAPER).unwrap();
+        let network = NetworkKind::Qin2024
+            .build(&weights.builder(), Corners::inner(Raster::PAPER))
+            .unwrap();
         let vars = weights.variables();
         let loss = LossWeights {
             maximum: 0.1,
             auxiliary: 0.2,
         };
         let problem = Problem {
-            raster: Raster::PAPER,
+            corners: Corners::inner(Raster::PAPER),
             loads: &[1.0],
             network: network.as_ref(),
             vars: &vars,

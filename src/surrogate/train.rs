@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use candle_core::{Device, Tensor, Var};
 
 use super::checkpoint::{Checkpoint, History};
+use super::corners::Corners;
 use super::example::Example;
 use super::header::Header;
 use super::loss::LossWeights;
@@ -25,7 +26,7 @@ use super::warm_start::WarmStart;
 use super::weights::to_bytes;
 use deaflow_base::Stream;
 use deaflow_dataset::{Split, SymmetryGroup};
-use deaflow_pattern::{Raster, Symmetry};
+use deaflow_pattern::Symmetry;
 
 /// The loss has exploded when it exceeds that of the untrained network, or of the prediction zero, by this factor.
 const EXPLOSION: f64 = 10.0;
@@ -61,7 +62,7 @@ pub fn update(
     monitor: &dyn Monitor,
 ) -> Result<Trained, TrainError> {
     let mut trainer = Trainer::new(examples, constants, options)?;
-    let start = WarmStart::read(model, options, trainer.raster)?;
+    let start = WarmStart::read(model, options, trainer.corners)?;
     start.set(&trainer.vars)?;
     trainer.scale_mm = start.scale_mm;
     run(trainer, examples, monitor)
@@ -94,7 +95,7 @@ struct ValidationErrors {
 /// A training in progress.
 struct Trainer<'a> {
     options: &'a TrainOptions,
-    raster: Raster,
+    corners: Corners,
     /// Symmetries of the data augmentation, the identity first.
     symmetries: Vec<Symmetry>,
     training: Vec<&'a Example>,
@@ -138,11 +139,14 @@ impl<'a> Trainer<'a> {
             }
         };
         let weights = RandomWeights::new(&constants, options.seed);
-        let network = options.network.build(&weights.builder(), raster)?;
+        let corners = options
+            .sides
+            .map_or(Corners::inner(raster), |held| Corners::all(raster, held));
+        let network = options.network.build(&weights.builder(), corners)?;
         let vars = weights.variables();
         Ok(Self {
             options,
-            raster,
+            corners,
             symmetries: match options.symmetry {
                 SymmetryGroup::D4 => options.symmetries.iter().collect(),
                 SymmetryGroup::None => vec![Symmetry::IDENTITY],
@@ -161,7 +165,7 @@ impl<'a> Trainer<'a> {
 
     fn problem(&self) -> Problem<'_> {
         Problem {
-            raster: self.raster,
+            corners: self.corners,
             loads: &self.options.loads,
             network: self.network.as_ref(),
             vars: &self.vars,
@@ -376,7 +380,7 @@ impl<'a> Trainer<'a> {
         let tensor = |(name, var): &(String, Var)| (name.clone(), var.as_tensor().clone());
         let trained = self.vars.iter().map(tensor).collect();
         let network = self.options.network.name();
-        let header = Header::new(network, self.raster, &self.options.loads, self.scale_mm);
+        let header = Header::new(network, self.corners, &self.options.loads, self.scale_mm);
         to_bytes(&header, &trained, &self.constants).map_err(|e| TrainError::Failed(e.to_string()))
     }
 }

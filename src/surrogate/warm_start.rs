@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 
 use candle_core::{Tensor, Var};
 
+use super::corners::Corners;
 use super::options::TrainOptions;
 use super::outcome::TrainError;
 use super::weights::from_bytes;
-use deaflow_pattern::Raster;
 
 /// A trained network from which training starts.
 pub(crate) struct WarmStart {
@@ -21,17 +21,21 @@ impl WarmStart {
     ///
     /// # Errors
     /// When the bytes are not a model, or its network, cells or groups differ.
-    pub(crate) fn read(bytes: &[u8], options: &TrainOptions, raster: Raster) -> Result<Self, TrainError> {
+    pub(crate) fn read(bytes: &[u8], options: &TrainOptions, corners: Corners) -> Result<Self, TrainError> {
         let refuse = |why: String| Err(TrainError::WarmStart(why));
         let network = options.network.name();
         let (header, tensors) = from_bytes(bytes).map_err(|e| TrainError::WarmStart(e.to_string()))?;
         if header.network != network {
             return refuse(format!("its network is {}, not {network}", header.network));
         }
+        let raster = corners.raster();
         if let Some(other) = header.raster().filter(|other| *other != raster) {
             return refuse(format!(
                 "its patterns have {other} cells, those of the examples {raster}"
             ));
+        }
+        if header.corners(raster) != corners {
+            return refuse("its device has other `sides`".to_owned());
         }
         if header.loads() != options.loads {
             return refuse(format!(

@@ -3,6 +3,7 @@
 use serde_json::Value;
 
 use super::common::Workspace;
+use super::model::check;
 
 /// A strip with a weight, designed under one weight and simulated under two.
 const STRIP: &str = r#"version: 1
@@ -345,7 +346,6 @@ fn objectives_of_forces_are_refused_where_there_are_none() {
             "moves freely along x, so its force along x is only its load",
         ),
         ("stages.curve.history={ at: [1 s] }", "which is that of an equilibrium"),
-        ("stages.design.needs=[table]", "a design"),
         (
             "stages.design.objective={ reaction: top, direction: 90 deg }",
             "the top side does not hold",
@@ -360,6 +360,90 @@ fn objectives_of_forces_are_refused_where_there_are_none() {
         ),
     ] {
         let ended = workspace.run(&["plan", "blocked.yaml", "--set", set]);
+        assert_eq!(ended.code, Some(2), "{set}: {}", ended.stdout);
+        assert!(ended.stderr.contains(expected), "{set}: {}", ended.stderr);
+    }
+}
+
+/// A strip with a weight, learned by a network that then designs it.
+const LEARNED: &str = "\
+version: 1
+name: learned
+scene:
+  geometry:
+    size: [40 mm, 20 mm]
+    thickness: 1 mm
+    prestretch: 2
+    cells: [20, 10]
+    sides: { right: { bar: { load: [0.5 N, 0 N] } }, top: free, bottom: free }
+  material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+  drive: { voltage: 5 kV }
+  effects: {}
+stages:
+  drawn:   { kind: sample, family: blobs, count: 80, seed: 1 }
+  fresh:   { kind: sample, family: blobs, count: 40, seed: 2 }
+  solved:  { kind: solve, needs: [drawn], elements_per_cell: 1 }
+  unseen:  { kind: solve, needs: [fresh], elements_per_cell: 1 }
+  network: { kind: train, needs: [solved], network: qin2024, epochs: 30, symmetry: d4, seed: 3 }
+  judged:  { kind: evaluate, needs: [network, unseen] }
+  best:    { kind: design, needs: [network], evaluator: surrogate, objective: { bar: right, direction: 0 deg }, area: 0.5, population: 40, generations: 8, refine: false, seed: 4 }
+  checked: { kind: verify, needs: [best], elements_per_cell: 1 }
+";
+
+#[test]
+fn networks_learn_strokes_of_strips_and_design_them() {
+    let workspace = Workspace::new();
+    workspace.write("learned.yaml", LEARNED);
+    let ended = workspace.run(&["run", "learned.yaml", "--json"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let document = ended.json();
+    let evaluation = &document["evaluations"][0];
+    assert!(
+        evaluation["predictors"][0]["r2"][1]
+            .as_f64()
+            .is_some_and(|r2| r2 > 0.95),
+        "{evaluation}"
+    );
+    let rows = of_stage(&document, "checked")["rows"].as_array().unwrap();
+    let best = rows.iter().find(|row| row["role"] == "ga").unwrap();
+    let [predicted, simulated] = ["predicted_mm", "simulated_mm"].map(|key| best[key].as_f64().unwrap());
+    assert!((predicted - simulated).abs() < 0.15 * simulated, "{best}");
+
+    // Held sides do not move, and the bar does.
+    workspace.write("half.csv", &"0,0,0,0,1,1,1,1,1,1,1,1,1,1,1,1,0,0,0,0\n".repeat(10));
+    let ended = workspace.run(&["predict", "learned.yaml:network", "half.csv", "-o", "said.h5"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let file = hdf5::File::open(workspace.path("said.h5")).unwrap();
+    let values = file.dataset("displacement").unwrap().read_raw::<f64>().unwrap();
+    let at = |x: usize, y: usize| [values[2 * (21 * y + x)], values[2 * (21 * y + x) + 1]];
+    assert!(
+        (0..11).all(|y| at(0, y) == [0.0; 2]) && at(20, 5)[0] > 0.01,
+        "{values:?}"
+    );
+
+    let ended = workspace.run(&["export", "model", "learned.yaml:network", "-o", "model.onnx"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let (agrees, said) = check(&workspace, "model.onnx", "said.h5");
+    assert!(agrees && !said.contains("moved 0.0\n"), "{said}");
+
+    for (set, expected) in [
+        (
+            "stages.network.network=physics",
+            "network physics has the linear response of a membrane",
+        ),
+        (
+            "stages.best.objective={ reaction: left, direction: 0 deg }",
+            "networks cannot predict forces of sides",
+        ),
+        (
+            "stages.network.needs=[balanced]",
+            "the displacements of `balanced` count from the mount",
+        ),
+    ] {
+        let balanced =
+            "  balanced: { kind: balance, needs: [solved], bins: 5, range: [0 mm, 30 mm], target: 40, seed: 1 }\n";
+        workspace.write("refused.yaml", &format!("{LEARNED}{balanced}"));
+        let ended = workspace.run(&["plan", "refused.yaml", "--set", set]);
         assert_eq!(ended.code, Some(2), "{set}: {}", ended.stdout);
         assert!(ended.stderr.contains(expected), "{set}: {}", ended.stderr);
     }

@@ -5,15 +5,15 @@ use std::sync::Arc;
 use serde_json::json;
 
 use super::artifacts::find_artifact;
-use crate::artifact_data::{cells_of, field_array, labels, patterns, scene_of};
+use crate::artifact_data::{cells_of, elements, field_array, labels, patterns, scene_of};
 use crate::cache::{ModelErrors, score_document};
 use crate::http::{ApiError, Array, Request, Response, frame};
 use crate::state::ServerState;
 use deaflow_content::{ArtifactKind, Training};
 use deaflow_dataset::Split;
-use deaflow_field::Predictor;
+use deaflow_field::{Field, Predictor};
 use deaflow_pattern::Pattern;
-use deaflow_store::Artifact;
+use deaflow_store::{Artifact, Data};
 use deaflow_surrogate::{PatternScore, Surrogate};
 
 /// Patterns in one response.
@@ -66,6 +66,7 @@ pub fn prediction(state: &ServerState, request: &Request, digest: &str) -> Resul
     let row = request.row(&path, count)?;
     let pattern = Pattern::of_form(network.form(), &cells_of(&set, &path, row..row + 1)?)?;
     let label = labels(&set, &path, network.form(), row..row + 1)?.swap_remove(0);
+    let label = from_rest(&set, label, row)?;
     let predicted = network.predict(std::slice::from_ref(&pattern))?.swap_remove(0);
     let [columns, rows] = pattern.raster().sides();
     let mut document = score_document(&PatternScore::of(&predicted, &label));
@@ -82,6 +83,19 @@ pub fn prediction(state: &ServerState, request: &Request, digest: &str) -> Resul
         ("predicted".to_owned(), field_array(&predicted)),
     ];
     Ok(Response::frame(frame(document, &arrays)))
+}
+
+/// Returns a label as networks predict it: from rest, if not all sides are held.
+fn from_rest(set: &Artifact, label: Field, row: usize) -> Result<Field, ApiError> {
+    if ArtifactKind::Verify.is_of(set) || scene_of(set)?.geometry.sides.is_none() {
+        return Ok(label);
+    }
+    match elements(set, "rest", row..row + 1) {
+        Ok(Data::F64(rest)) => Ok(label.plus(-1.0, &Field::from_values(label.raster(), rest)?)),
+        _ => Err(ApiError::bad_request(
+            "the displacements of this set count from the mount, and this network predicts those from rest",
+        )),
+    }
 }
 
 /// Returns the network of a train stage, from the cache if possible.

@@ -11,7 +11,7 @@ use deaflow_orchestrator::StageError;
 use deaflow_pattern::{Pattern, Raster, Symmetry};
 use deaflow_scene::Scene;
 use deaflow_store::Artifact;
-use deaflow_surrogate::{Collector, Examples, Label, LabelError, LabelledRow, RowKind};
+use deaflow_surrogate::{Collector, Corners, Examples, Label, LabelError, LabelledRow, RowKind};
 
 /// Rows that are read at once: some tens of megabytes.
 const BLOCK: usize = 512;
@@ -36,13 +36,13 @@ pub fn read(
         .filter(|(_, artifact)| !model::is_in(artifact));
     for (input, artifact) in datasets {
         if let Some(Labelled::Verified(view)) = Labelled::open(artifact)? {
-            read_verified(&view, input, dropped, &mut collector)?;
+            read_verified(&view, (input, scene), dropped, &mut collector)?;
             continue;
         }
         collector.begin_input(unstable(artifact)?);
         let mut first = 0;
         for file in files(artifact)? {
-            first += read_file(file, (input, first), dropped, &mut collector)?;
+            first += read_file(file, (input, first, scene), dropped, &mut collector)?;
         }
     }
     let longer_side_mm = scene.membrane().size_mm.into_iter().fold(0.0, f64::max);
@@ -68,7 +68,7 @@ fn unstable(artifact: &Artifact) -> Result<u64, StageError> {
 /// Reads one file, whose rows start at the row `first` of an input; returns their number.
 fn read_file(
     file: &Artifact,
-    (input, first): (usize, usize),
+    (input, first, scene): (usize, usize, &Scene),
     dropped: &Dropped,
     collector: &mut Collector,
 ) -> Result<usize, StageError> {
@@ -96,7 +96,7 @@ fn read_file(
     let images = images(&labelled)?;
     let raster = patterns.first().map_or(Raster::PAPER, Pattern::raster);
     let mut described = patterns.into_iter().zip(families).zip(kinds).enumerate();
-    for_each_label(&labelled, raster, |label| match described.next() {
+    for_each_label(&labelled, corners(scene, raster), |label| match described.next() {
         Some((at, _)) if dropped.has(input, first + at) => Ok(()),
         Some((at, ((pattern, family), kind))) => add(
             collector,
@@ -131,7 +131,7 @@ fn images(labelled: &Labelled<'_>) -> Result<Vec<(u64, Symmetry)>, StageError> {
 /// Reads the designs of a verify stage that have a field; the fields are in the order of these designs.
 fn read_verified(
     view: &VerificationView<'_>,
-    input: usize,
+    (input, scene): (usize, &Scene),
     dropped: &Dropped,
     collector: &mut Collector,
 ) -> Result<(), StageError> {
@@ -141,41 +141,53 @@ fn read_verified(
     let raster = patterns.first().map_or(Raster::PAPER, Pattern::raster);
     let patterns = patterns.into_iter().enumerate();
     let mut solved = patterns.filter(|(row, _)| fields[*row].is_some());
-    for_each_label(&Labelled::Verified(view.clone()), raster, |label| match solved.next() {
-        Some((row, _)) if dropped.has(input, row) => Ok(()),
-        Some((row, pattern)) => add(
-            collector,
-            view.artifact(),
-            LabelledRow {
-                input,
-                row,
-                pattern,
-                family: VERIFIED.to_owned(),
-                kind: RowKind::Verified,
-                label,
-                image: None,
-            },
-        ),
-        None => Ok(()),
-    })
+    for_each_label(
+        &Labelled::Verified(view.clone()),
+        corners(scene, raster),
+        |label| match solved.next() {
+            Some((row, _)) if dropped.has(input, row) => Ok(()),
+            Some((row, pattern)) => add(
+                collector,
+                view.artifact(),
+                LabelledRow {
+                    input,
+                    row,
+                    pattern,
+                    family: VERIFIED.to_owned(),
+                    kind: RowKind::Verified,
+                    label,
+                    image: None,
+                },
+            ),
+            None => Ok(()),
+        },
+    )
 }
 
 fn add(collector: &mut Collector, file: &Artifact, row: LabelledRow) -> Result<(), StageError> {
     collector.add(row).map_err(|e| wrong(file, &e.to_string()))
 }
 
+/// Returns the corners of labels of patterns of these cells in a scene.
+fn corners(scene: &Scene, raster: Raster) -> Corners {
+    match Corners::of(scene).held() {
+        Some(held) => Corners::all(raster, held),
+        None => Corners::inner(raster),
+    }
+}
+
 /// Calls a function with the label of each field of a file, in order.
 fn for_each_label(
     file: &Labelled<'_>,
-    raster: Raster,
+    corners: Corners,
     mut each: impl FnMut(Result<Label, LabelError>) -> Result<(), StageError>,
 ) -> Result<(), StageError> {
     let count = file.fields()?;
     for first in (0..count).step_by(BLOCK) {
         let values = file.displacement(first..count.min(first + BLOCK))?;
         let labels: Vec<Result<Label, LabelError>> = values
-            .par_chunks_exact(2 * raster.corners())
-            .map(|values| Label::from_values(raster, values))
+            .par_chunks_exact(2 * corners.raster().corners())
+            .map(|values| Label::at(corners, values))
             .collect();
         labels.into_iter().try_for_each(&mut each)?;
     }

@@ -3,14 +3,16 @@
 mod constants;
 mod fold;
 mod names;
+mod open;
 mod orientations;
 mod physics;
 mod qin2024;
 mod response;
 
-use candle_core::{Module, Result, Tensor};
+use candle_core::{Module, Result, Tensor, bail};
 use candle_nn::VarBuilder;
 
+use super::corners::Corners;
 use super::onnx::Export;
 use deaflow_base::words;
 use deaflow_pattern::Raster;
@@ -40,34 +42,54 @@ impl NetworkKind {
     /// # Errors
     /// When nothing moves in the scene, or it has too many cells: the reason.
     pub fn check(self, scene: &Scene) -> std::result::Result<(), String> {
-        match self {
-            Self::Qin2024 => qin2024::Qin2024::check(scene.membrane().raster).map_err(|e| e.to_string()),
-            Self::Physics => Constants::check(scene).map_err(|e| e.to_string()),
+        let corners = Corners::of(scene);
+        match (self, corners.held()) {
+            (Self::Qin2024, _) => {
+                let raster = raster_of(corners).map_err(|e| e.to_string())?;
+                qin2024::Qin2024::check(raster).map_err(|e| e.to_string())
+            }
+            (Self::Physics, Some(_)) => Err(NO_RESPONSE.to_owned()),
+            (Self::Physics, None) => Constants::check(scene).map_err(|e| e.to_string()),
         }
     }
 
-    /// Builds the network for patterns of these cells from the given weights.
+    /// Builds the network for the device with these corners from the given weights.
     ///
     /// # Errors
-    /// When the weights belong to another network, or the cells are not supported.
-    pub(crate) fn build(self, weights: &VarBuilder<'_>, raster: Raster) -> Result<Box<dyn Network>> {
-        match self {
-            Self::Qin2024 => Ok(Box::new(qin2024::Qin2024::new(weights, raster)?)),
-            Self::Physics => Ok(Box::new(physics::Physics::new(weights, raster)?)),
-        }
+    /// When the weights belong to another network, or the cells or sides are not supported.
+    pub(crate) fn build(self, weights: &VarBuilder<'_>, corners: Corners) -> Result<Box<dyn Network>> {
+        let raster = raster_of(corners)?;
+        Ok(match (self, corners.held()) {
+            (Self::Qin2024, None) => Box::new(qin2024::Qin2024::new(weights, raster)?),
+            (Self::Qin2024, Some(_)) => Box::new(open::Open::new(qin2024::Qin2024::new(weights, raster)?, corners)?),
+            (Self::Physics, None) => Box::new(physics::Physics::new(weights, raster)?),
+            (Self::Physics, Some(_)) => bail!("{NO_RESPONSE}"),
+        })
+    }
+}
+
+/// Why there is no network `physics` of a device.
+const NO_RESPONSE: &str = "network physics has the linear response of a membrane whose `sides` are all held; use network \
+                           qin2024";
+
+/// Returns the cells of a network.
+fn raster_of(corners: Corners) -> Result<Raster> {
+    match corners.of_network() {
+        Some(raster) => Ok(raster),
+        None => bail!("a network of {} cells has too many; use fewer cells", corners.raster()),
     }
 }
 
 /// Output of a network for a batch of n patterns in training, in the network's unit of length.
 pub(crate) struct Output {
-    /// Displacement at the inner corners, (n, rows − 1, columns − 1, 2).
+    /// Displacement at the corners that move, (n, rows − 1, columns − 1, 2) if all sides are held.
     pub(crate) displacement: Tensor,
     /// Auxiliary output: the x displacement at every second inner corner.
     pub(crate) half_resolution: Option<Tensor>,
 }
 
 /// A network: a module from patterns (n, rows, columns, 1), ±½ per cell, to displacements (n, rows − 1, columns − 1,
-/// 2).
+/// 2), or (n, rows + 1, columns + 1, 2) if not all sides are held.
 pub(crate) trait Network: Module + Export + Send + Sync {
     /// Computes the frozen part of the output, which training does not change: the same number of values for each
     /// pattern. `None` when the network has none. Many patterns together take less time.

@@ -59,7 +59,10 @@ pub(crate) fn to_onnx(network: &dyn Export, raster: Raster, header: &Header, met
     let output = network.export(&mut graph, &cells)?;
     let scale = graph.number(header.scale_mm as f32);
     let inner = graph.mul(&output, &scale);
-    let all = graph.pad(&inner, &[0, 1, 1, 0, 0, 1, 1, 0]);
+    let all = match header.corners(raster).held() {
+        None => graph.pad(&inner, &[0, 1, 1, 0, 0, 1, 1, 0]),
+        Some(_) => inner,
+    };
     graph.name(&all, OUTPUT);
     let input = array(INPUT, graph::UINT8, &[rows, columns]);
     let output = array(OUTPUT, graph::FLOAT, &[up, across, 2]);

@@ -1,6 +1,7 @@
 use std::collections::BTreeMap;
 
 use super::*;
+use crate::Corners;
 use crate::header::Header;
 use crate::testing::examples;
 use crate::weights::to_bytes;
@@ -78,9 +79,9 @@ fn networks_of_another_shape_are_refused() {
             .expect("refused");
         error.to_string()
     };
-    let other = Header::new("resnet", Raster::PAPER, &[1.0], 1.0);
+    let other = Header::new("resnet", Corners::inner(Raster::PAPER), &[1.0], 1.0);
     assert!(refused(&other, &tensors).contains("'resnet'"));
-    let scale = Header::new("qin2024", Raster::PAPER, &[1.0], 0.0);
+    let scale = Header::new("qin2024", Corners::inner(Raster::PAPER), &[1.0], 0.0);
     assert!(refused(&scale, &tensors).contains("scale"));
 
     let name = tensors.keys().next().unwrap().clone();

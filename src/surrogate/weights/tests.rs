@@ -2,6 +2,7 @@ use candle_core::DType;
 use proptest::prelude::*;
 
 use super::*;
+use crate::Corners;
 use crate::EpochReport;
 use crate::metrics::Metrics;
 use deaflow_pattern::Raster;
@@ -33,7 +34,7 @@ fn record() -> TrainingRecord {
 pub(super) fn model() -> Vec<u8> {
     annotated(
         &to_bytes(
-            &Header::new("qin2024", Raster::PAPER, &[1.0], 0.375),
+            &Header::new("qin2024", Corners::inner(Raster::PAPER), &[1.0], 0.375),
             &tensors(),
             &constants(),
         )
@@ -92,7 +93,7 @@ fn exchanged_tensors_are_detected() {
     let mut two = tensors();
     two.insert("d".to_owned(), Tensor::new(&[4.0_f32, 5.0], &Device::Cpu).unwrap());
     let bytes = to_bytes(
-        &Header::new("qin2024", Raster::PAPER, &[1.0], 0.375),
+        &Header::new("qin2024", Corners::inner(Raster::PAPER), &[1.0], 0.375),
         &two,
         &constants(),
     )
@@ -155,7 +156,7 @@ fn unknown_versions_and_headers_are_refused_with_the_reason() {
 #[test]
 fn tensors_have_one_role_each_and_are_named() {
     let both = to_bytes(
-        &Header::new("qin2024", Raster::PAPER, &[1.0], 1.0),
+        &Header::new("qin2024", Corners::inner(Raster::PAPER), &[1.0], 1.0),
         &tensors(),
         &tensors(),
     );

@@ -64,7 +64,7 @@ fn predict(network: &Physics, patterns: &[Pattern]) -> Vec<Field> {
     let raster = patterns[0].raster();
     let input = patterns_to_tensor(raster, &LOADS, patterns.iter()).unwrap();
     let displacement = network.forward(&input).unwrap();
-    tensor_to_fields(raster, &displacement, network.unit_mm().unwrap())
+    tensor_to_fields(crate::Corners::inner(raster), &displacement, network.unit_mm().unwrap())
         .unwrap()
         .unwrap()
 }

@@ -40,7 +40,7 @@ fn an_update_starts_from_the_weights_and_the_unit_of_the_model() {
     let same = update(&first.weights, &mixed, None, &still, &()).unwrap();
     let rmse = |weights: &[u8], data: &[Example]| {
         let mut trainer = Trainer::new(data, None, &still).unwrap();
-        let start = WarmStart::read(weights, &still, Raster::PAPER).unwrap();
+        let start = WarmStart::read(weights, &still, Corners::inner(Raster::PAPER)).unwrap();
         start.set(&trainer.vars).unwrap();
         trainer.scale_mm = start.scale_mm;
         let data: Vec<&Example> = data.iter().collect();
@@ -57,10 +57,11 @@ fn an_update_starts_from_the_weights_and_the_unit_of_the_model() {
 fn updates_of_other_networks_or_damaged_models_are_refused() {
     let data = examples(4, Split::Train);
     let trained = run(&data, &options(1)).unwrap();
-    let refused = |bytes: &[u8], options: &TrainOptions| match WarmStart::read(bytes, options, Raster::PAPER) {
-        Ok(_) => String::new(),
-        Err(error) => error.to_string(),
-    };
+    let refused =
+        |bytes: &[u8], options: &TrainOptions| match WarmStart::read(bytes, options, Corners::inner(Raster::PAPER)) {
+            Ok(_) => String::new(),
+            Err(error) => error.to_string(),
+        };
     let other = refused(&trained.weights, &TrainOptions::of(NetworkKind::Physics));
     assert_eq!(
         other,
