@@ -175,6 +175,8 @@ stages:
   hauled: { kind: design, seed: 1, objective: { bar: right, translation: [0.1 mm, 0.2 mm], state: push } }
   swung: { kind: design, seed: 1, objective: { bar: right, rotation: clockwise, state: pull, measure: displacement } }
   blocked: { kind: design, seed: 1, objective: { reaction: right, direction: 0, weight: 2, state: push } }
+  gripping: { kind: design, seed: 1, targets: [{ name: one, objective: { reaction: right, direction: 0, weight: 2, state: push } },
+      { name: two, objective: { points: [{ reaction: right, direction: 0, weight: 2, state: push }, { reaction: left, direction: 0, state: pull }] } }] }
   gripped: { kind: design, seed: 1, objective: { points: [{ reaction: right, direction: 0, weight: 2, state: push }, { reaction: left, direction: 0, state: pull }] } }
   both: { kind: design, seed: 1, objective: { points: [{ bar: right, direction: 0, weight: 2, state: push }, { bar: right, rotation: clockwise, state: pull }] } }
   far: { kind: design, seed: 1, objective: { points: [{ bar: right, translation: [0.1, 0.2], state: push }] } }
