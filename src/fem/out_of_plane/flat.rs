@@ -8,7 +8,7 @@
 //! ```
 //!
 //! Where its smallest eigenvalue reaches zero the flat membrane buckles; without bending stiffness it wrinkles. In the
-//! layers of a [`Laminate`] the slopes of w differ along the normal of the edge, as gradients in the plane do. Sides
+//! layers of a laminate the slopes of w differ along the normal of the edge, as gradients in the plane do. Sides
 //! that are free or under a load alone move out of the plane; other sides, bars, frames and bodies stay in it.
 
 use deaflow_linalg::{Eigen, Mat, Pair, SparseColMat, Sparsity, eigen, symmetric_product};
