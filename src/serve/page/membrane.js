@@ -300,7 +300,7 @@ function drawSides(canvas, context, sides, columns, rows, at) {
     const place = Math.round(load.at * (upright ? rows : columns));
     const end = name === "right" ? columns : name === "top" ? rows : 0;
     const side = upright ? at(end, place) : at(place, end);
-    arrow(canvas, context, side, load.newtons, upright ? [end ? 1 : -1, 0] : [0, end ? 1 : -1]);
+    loadArrow(canvas, context, side, load.newtons, upright ? [end ? 1 : -1, 0] : [0, end ? 1 : -1]);
   }
 }
 
@@ -309,7 +309,7 @@ function drawSides(canvas, context, sides, columns, rows, at) {
  * @param {HTMLCanvasElement} canvas @param {CanvasRenderingContext2D} context @param {[number, number]} side @param {[number, number]} force
  * @param {[number, number]} outwards
  */
-function arrow(canvas, context, [x, y], [fx, fy], outwards) {
+function loadArrow(canvas, context, [x, y], [fx, fy], outwards) {
   const length = LOAD * Math.max(canvas.width, canvas.height);
   const size = Math.hypot(fx, fy);
   const [dx, dy] = [(length * fx) / size, (-length * fy) / size];
