@@ -69,8 +69,8 @@ impl<'a> Labelled<'a> {
         }
     }
 
-    /// Reads the concatenated values of some fields in mm from an artifact that is not a manifest: displacements from the
-    /// state without voltage, if not all sides are held.
+    /// Reads the concatenated values of some fields in mm from an artifact that is not a manifest: displacements from
+    /// the state without voltage, if not all sides are held.
     ///
     /// # Errors
     /// If they cannot be read.

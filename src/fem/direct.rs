@@ -6,7 +6,7 @@ use deaflow_base::is_interrupted;
 use deaflow_linalg::{Mat, Pair, SparseColMat, Sparsity, eigen, solve};
 
 use super::boundary::cofactor_stress;
-use super::eigenvalue::dot;
+use super::eigenvalue::{add, dot};
 use super::element::{Bilinear, Biquadratic, Element};
 use super::grid::Grid;
 use super::kinematics::{add_scaled, cofactor};
@@ -183,10 +183,7 @@ impl Border {
     fn correct(&self, solution: &mut [f64]) {
         let forces: Vec<f64> = self.columns.iter().map(|column| -dot(column, solution)).collect();
         for (image, factor) in self.images.iter().zip(solve(&self.complement, &forces)) {
-            solution
-                .iter_mut()
-                .zip(image)
-                .for_each(|(value, image)| *value -= factor * image);
+            add(solution, -factor, image);
         }
     }
 }

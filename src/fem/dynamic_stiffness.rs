@@ -7,7 +7,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use deaflow_linalg::{Indefinite, IndefiniteOrder, SparseColMat, SymbolicSparseColMat};
+use deaflow_linalg::{Indefinite, IndefiniteOrder, SparseColMat, SymbolicSparseColMat, add_symmetric_product};
 
 use super::eigenvalue::dot;
 use super::newton::norm;
@@ -196,20 +196,8 @@ impl DynamicStiffness {
 
     /// Adds the product of a matrix and a vector, times a factor.
     fn add_image(&self, values: &[f64], factor: f64, vector: &[f64], out: &mut [f64]) {
-        let (starts, rows) = (self.symbolic.col_ptr(), self.symbolic.row_idx());
-        for (column, range) in starts.windows(2).enumerate() {
-            let mut sum = 0.0;
-            for at in range[0]..range[1] {
-                let (row, value) = (rows[at], values[at]);
-                if row == column {
-                    sum += value * vector[column];
-                } else {
-                    out[row] += factor * value * vector[column];
-                    sum += value * vector[row];
-                }
-            }
-            out[column] += factor * sum;
-        }
+        let places = [self.symbolic.col_ptr(), self.symbolic.row_idx()];
+        add_symmetric_product(places, values, factor, vector, out);
     }
 
     /// Returns the structure of the matrix of twice the size.

@@ -61,7 +61,7 @@ impl Direction {
             (&mut self.harmonic, &other.harmonic),
         ];
         for (own, other) in parts {
-            own.iter_mut().zip(other).for_each(|(a, b)| *a += factor * b);
+            add(own, factor, other);
         }
     }
 
@@ -195,6 +195,13 @@ pub(super) fn precondition(
     let mut solution = vec![0.0; load.len()];
     laplacian.solve(&narrow, poses, &mut solution, scratch);
     Some(solution.into_iter().map(f64::from).collect())
+}
+
+/// sum ← sum + factor · vector.
+pub fn add(sum: &mut [f64], factor: f64, vector: &[f64]) {
+    sum.iter_mut()
+        .zip(vector)
+        .for_each(|(sum, value)| *sum += factor * value);
 }
 
 /// Returns a · b, summed in an order that depends only on the length.

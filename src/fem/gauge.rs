@@ -1,11 +1,11 @@
 //! What fixes the motions of a membrane as a whole that nothing resists.
 //!
 //! Where the loads along a translation or a turn are balanced, the energy does not depend on it. Of all such states the
-//! one is taken whose mean displacement and mean turn are zero: Σ w u = 0 and Σ w J(X − X̄)·u = 0, with the quarter turn
-//! J and the area w = ∫φ dX of each node, so that meshes agree. With these vectors as the columns of C, changes of a
-//! displacement and residuals are projected onto {v: Cᵀv = 0}. The projected residual Cλ of an equilibrium is then zero:
-//! the product of a rigid motion n with the true one is zero, and Cᵀn is not. So the tangent has no eigenvalue of zero,
-//! and what it is needed for (steps, stability, gradients) is the same as with supports.
+//! one is taken whose mean displacement and mean turn are zero: Σ w u = 0 and Σ w J(X − X̄)·u = 0, with the quarter
+//! turn J and the area w = ∫φ dX of each node, so that meshes agree. With these vectors as the columns of C, changes of
+//! a displacement and residuals are projected onto {v: Cᵀv = 0}. The projected residual Cλ of an equilibrium is then
+//! zero: the product of a rigid motion n with the true one is zero, and Cᵀn is not. So the tangent has no eigenvalue of
+//! zero, and what it is needed for (steps, stability, gradients) is the same as with supports.
 
 use deaflow_linalg::{Mat, solve};
 

@@ -73,7 +73,8 @@ impl<'a> SideForces<'a> {
         self.solver.model.with(AtVoltage { forces: self, share, u })
     }
 
-    /// Writes the derivative of Σ weights · forces, per mN, with respect to the nodal forces of the membrane into `out`.
+    /// Writes the derivative of Σ weights · forces, per mN, with respect to the nodal forces of the membrane into
+    /// `out`.
     pub fn weigh(&self, weights: &Reactions, out: &mut [f64]) {
         let unit = 1e3 * self.solver.newtons(1.0);
         out.fill(0.0);
@@ -120,7 +121,7 @@ impl<'a> SideForces<'a> {
 }
 
 /// Returns the sides that a node on the edge lies on.
-fn touched([column, row]: [usize; 2], [columns, rows]: [usize; 2]) -> impl Iterator<Item = usize> {
+pub(super) fn touched([column, row]: [usize; 2], [columns, rows]: [usize; 2]) -> impl Iterator<Item = usize> {
     let on = [column == 0, column + 1 == columns, row == 0, row + 1 == rows];
     (0..SIDES).filter(move |side| on[*side])
 }

@@ -85,6 +85,18 @@ impl Grid {
         Field::from_values(self.raster(), values).expect("a solution is finite")
     }
 
+    /// Returns a displacement out of the plane at the cell corners, `[y][x]`, in mm, like [`Self::sample`], from nodal
+    /// values in the order of the first component.
+    #[must_use]
+    pub fn sample_heights(&self, heights: &[f64]) -> Vec<f64> {
+        let both = [heights, &vec![0.0; heights.len()]].concat();
+        self.sample(&both)
+            .values()
+            .chunks_exact(2)
+            .map(|both| both[0])
+            .collect()
+    }
+
     /// Computes the displacement at cell corners whose node is elsewhere.
     fn sample_moved(&self, vector: &[f64], values: &mut [f64]) {
         let ([columns, _], plane) = (self.raster().corner_sides(), vector.len() / 2);

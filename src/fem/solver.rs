@@ -250,8 +250,8 @@ impl MembraneSolver {
         }
     }
 
-    /// Returns the [strokes](Self::stroke) of patterns that differ little from that of a solution: equilibria near it with a residual of [`NEAR`] times that at rest. Their stability is not checked; `None` if
-    /// there is none.
+    /// Returns the [strokes](Self::stroke) of patterns that differ little from that of a solution: equilibria near it
+    /// with a residual of [`NEAR`] times that at rest. Their stability is not checked; `None` if there is none.
     #[must_use]
     pub(super) fn strokes_near(&self, solution: &MeshSolution, patterns: &[Pattern]) -> Vec<Option<Field>> {
         // A prescribed charge needs a search for its voltage, from rest.

@@ -197,8 +197,8 @@ impl Supports {
         }
     }
 
-    /// Projects a vector onto admissible changes: zero at fixed nodes, rigid on bodies, without motions of the whole that
-    /// nothing resists.
+    /// Projects a vector onto admissible changes: zero at fixed nodes, rigid on bodies, without motions of the whole
+    /// that nothing resists.
     pub fn restrict<T: Real>(&self, poses: &[Pose], vector: &mut [T]) {
         self.restrict_with(poses, vector, |_, force| force);
     }

@@ -13,4 +13,4 @@ pub use dense::{Eigen, cholesky, eigen, inverse, inverse_definite, solve, solve_
 pub use faer::sparse::{Pair, SparseColMat, SymbolicSparseColMat};
 pub use faer::{Accum, Mat, MatMut, MatRef};
 pub use product::{product, product_into};
-pub use sparse::{Indefinite, IndefiniteOrder, Sparsity, symmetric_product};
+pub use sparse::{Indefinite, IndefiniteOrder, Sparsity, add_symmetric_product};

@@ -97,20 +97,28 @@ impl Sparsity {
     }
 }
 
-/// Returns the product of a symmetric matrix, given by its entries on and below the diagonal, and a vector.
-#[must_use]
-pub fn symmetric_product(matrix: &SparseColMat<usize, f64>, vector: &[f64]) -> Vec<f64> {
-    let mut product = vec![0.0; vector.len()];
-    for column in 0..matrix.ncols() {
-        let entries = matrix.row_idx_of_col(column).zip(matrix.val_of_col(column));
-        for (row, value) in entries {
-            product[row] += value * vector[column];
-            if row != column {
-                product[column] += value * vector[row];
+/// Adds the product of a symmetric matrix and a vector, times a factor. The matrix is given by its entries on and below
+/// the diagonal: the starts of its columns, the rows of its entries and their values.
+pub fn add_symmetric_product(
+    [starts, rows]: [&[usize]; 2],
+    values: &[f64],
+    factor: f64,
+    vector: &[f64],
+    out: &mut [f64],
+) {
+    for (column, range) in starts.windows(2).enumerate() {
+        let mut sum = 0.0;
+        for at in range[0]..range[1] {
+            let (row, value) = (rows[at], values[at]);
+            if row == column {
+                sum += value * vector[column];
+            } else {
+                out[row] += factor * value * vector[column];
+                sum += value * vector[row];
             }
         }
+        out[column] += factor * sum;
     }
-    product
 }
 
 /// An order of elimination of an indefinite symmetric matrix.

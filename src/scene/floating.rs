@@ -148,11 +148,10 @@ fn holds(sides: &Sides, size: [f64; 2], bodies: &[LoadedBody]) -> (Vec<Hold>, bo
 fn loads(sides: &Sides, size: [f64; 2], bodies: &[LoadedBody]) -> Vec<([f64; 2], [f64; 2])> {
     let on_bodies = bodies.iter().map(|body| (body.centroid, body.load));
     let on_sides = sides.iter().filter_map(|(edge, side)| {
+        let (force, at_mm) = side.force()?;
         let mut at = edge.middle(size);
-        if let Some(bar) = side.bar() {
-            at[1 - edge.normal_axis()] += bar.at_mm();
-        }
-        Some((at, side.load_n().or_else(|| Some(side.bar()?.load_n()))?))
+        at[1 - edge.normal_axis()] += at_mm;
+        Some((at, force))
     });
     on_bodies
         .chain(on_sides)

@@ -384,8 +384,7 @@ impl Sides {
     /// Returns the sides without forces on them; `None` if all forces are zero.
     #[must_use]
     pub(super) fn without_loads(&self) -> Option<Self> {
-        let force = |side: &SideSupport| side.load_n().or_else(|| side.bar().map(Bar::load_n));
-        let is_loaded = self.iter().any(|(_, side)| force(side).unwrap_or_default() != [0.0; 2]);
+        let is_loaded = self.iter().any(|(_, side)| side.force().is_some());
         is_loaded.then(|| {
             let unloaded = self.map_bars(|bar| Bar {
                 load: None,
@@ -723,7 +722,8 @@ mod tests {
                 "nothing keeps the membrane from turning",
             ),
             (
-                "{ left: free, right: { bar: { moves: [turn], load: [1 N, 0 N], at: 4 mm } }, top: free, bottom: free }",
+                "{ left: free, right: { bar: { moves: [turn], load: [1 N, 0 N], at: 4 mm } }, top: free, bottom: free \
+                 }",
                 "nothing keeps the membrane from turning",
             ),
             (
@@ -770,8 +770,8 @@ mod tests {
                 free([true, false], Some(Pivot::Bar(Edge::Right))),
             ),
             (
-                "{ left: { bar: { load: [-1 N, 0 N], at: 2 mm } }, right: { bar: { load: [1 N, 0 N], at: 2 mm } }, top: \
-                 free, bottom: free }",
+                "{ left: { bar: { load: [-1 N, 0 N], at: 2 mm } }, right: { bar: { load: [1 N, 0 N], at: 2 mm } }, \
+                 top: free, bottom: free }",
                 free([true; 2], None),
             ),
             (

@@ -190,8 +190,8 @@ pub fn labels_from_rest(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<
         None => Ok(()),
         Some(need) => Err(named(stage, need.name)
             .error(format!(
-                "the displacements of `{}` count from the mount, and networks of a device with `sides` that are not held \
-                 predict those from rest",
+                "the displacements of `{}` count from the mount, and networks of a device with `sides` that are not \
+                 held predict those from rest",
                 need.name
             ))
             .help("name stages of kind `solve` in place of it; `symmetry: d4` of a training makes the images")),

@@ -44,7 +44,8 @@ pub struct TrainOptions {
     pub symmetry: SymmetryGroup,
     /// Symmetries of the device, from which augmentation draws. Default: those of the square.
     pub symmetries: Symmetries,
-    /// The components that the sides of the device hold; displacements then count from rest. Default: all sides are held.
+    /// The components that the sides of the device hold; displacements then count from rest. Default: all sides are
+    /// held.
     pub sides: Option<HeldSides>,
     /// Load of each electrode group relative to the largest. Load is proportional to voltage squared. Default: one
     /// group.

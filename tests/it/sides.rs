@@ -176,8 +176,8 @@ fn membranes_that_nothing_holds_need_loads_in_balance() {
     for (sides, said) in [
         (
             "left: free, right: free".to_owned(),
-            "nothing holds the membrane along x and y, and nothing keeps it from turning: its mean displacement and its \
-             mean turn are zero",
+            "nothing holds the membrane along x and y, and nothing keeps it from turning: its mean displacement and \
+             its mean turn are zero",
         ),
         (
             "left: roller, right: free".to_owned(),

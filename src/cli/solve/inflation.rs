@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::SolveArguments;
 use super::simulation::{PatternSolver, Simulation};
-use crate::job::JobResult;
+use crate::job::{JobResult, extend};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, table};
 use deaflow_base::four_digits;
@@ -248,6 +248,6 @@ fn document((index, (one, peak)): (usize, (&Inflated, &Peak))) -> Value {
         } => json!({ "last_stable": last_stable, "first_unstable": first_unstable }),
         InflationOutcome::Flat(_) | InflationOutcome::WorkLimit => json!({}),
     };
-    crate::job::extend(&mut document, more);
+    extend(&mut document, more);
     document
 }

@@ -134,7 +134,7 @@ impl Controlled {
             .filter_map(|(edge, side)| Some((edge, side.bar()?.displacement_mm()?)))
             .collect();
         let on_side = |(edge, side): (Edge, &SideSupport)| {
-            let force = side.load_n().or_else(|| Some(side.bar()?.load_n()))?;
+            let (force, _) = side.force()?;
             Some((format!("Load on the {} side", edge.name()), size(force)))
         };
         let bodies = scene.geometry.bodies.iter().flatten().enumerate();

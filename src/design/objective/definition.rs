@@ -293,11 +293,11 @@ impl Objective {
         }
     }
 
-    /// Reads a point (`{ point, direction }`), a rigid body (`{ body, direction }`), a bar (`{ bar, direction }`) or the
-    /// force of a side (`{ reaction, direction }`), several of them (`{ points: [{ point, direction, weight, state }, …]
-    /// }`), or a target field (`{ field: FILE.csv }`). In place of a direction a
-    /// point may have a target `displacement: [x, y]`, a body a `translation: [x, y]` or a `rotation`. Optional keys
-    /// are `measure`, `value` (the target displacement along each direction), `time` and `frequency`.
+    /// Reads a point (`{ point, direction }`), a rigid body (`{ body, direction }`), a bar (`{ bar, direction }`) or
+    /// the force of a side (`{ reaction, direction }`), several of them (`{ points: [{ point, direction, weight, state
+    /// }, …] }`), or a target field (`{ field: FILE.csv }`). In place of a direction a point may have a target
+    /// `displacement: [x, y]`, a body a `translation: [x, y]` or a `rotation`. Optional keys are `measure`, `value`
+    /// (the target displacement along each direction), `time` and `frequency`.
     ///
     /// # Errors
     /// If a key is unknown or missing, a value is invalid, or the keys contradict each other.
@@ -534,9 +534,9 @@ mod tests {
     fn a_reaction_needs_a_side_that_holds_the_membrane_along_its_direction() {
         let goal = |sides: &str, drive: &str, objective: &str| {
             let scene = format!(
-                "{{ geometry: {{ size: [40 mm, 20 mm], thickness: 1 mm, prestretch: 2, cells: [20, 10], sides: {sides} }}, \
-                 material: {{ model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ {drive} \
-                 }} }}"
+                "{{ geometry: {{ size: [40 mm, 20 mm], thickness: 1 mm, prestretch: 2, cells: [20, 10], sides: {sides} \
+                 }}, material: {{ model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }}, drive: {{ \
+                 {drive} }} }}"
             );
             let goal = read(objective)
                 .unwrap()

@@ -11,16 +11,16 @@
 //! layers of a laminate the slopes of w differ along the normal of the edge, as gradients in the plane do. Sides
 //! that are free or under a load alone move out of the plane; other sides, bars, frames and bodies stay in it.
 
-use deaflow_linalg::{Eigen, Mat, Pair, SparseColMat, Sparsity, eigen, symmetric_product};
+use deaflow_linalg::{Eigen, Mat, Pair, SparseColMat, Sparsity, add_symmetric_product, eigen};
 
-use super::point::second_stress;
-use crate::eigenvalue::dot;
+use super::point::{apply, second_stress};
+use crate::eigenvalue::{add, dot};
 use crate::element::{Bilinear, Biquadratic, Element};
 use crate::grid::Grid;
 use crate::kinematics::{Tensor, add_scaled, deformation};
-use crate::layout::SIDES;
 use crate::material::Material;
 use crate::operator::Operator;
+use crate::reactions::touched;
 use crate::sheet::SheetSides;
 use deaflow_base::Stream;
 use deaflow_field::Order;
@@ -68,13 +68,8 @@ impl OutOfPlane {
             let is_free = |sides: &SheetSides| sides.held[side] == [false; 2] && sides.bars[side].is_none();
             !grid.sheet_sides().is_some_and(is_free)
         };
-        let fixed: [bool; SIDES] = std::array::from_fn(is_fixed);
-        let is_at = |[column, row]: [usize; 2]| [column == 0, column + 1 == columns, row == 0, row + 1 == rows];
         for node in (0..rows).flat_map(|row| (0..columns).map(move |column| [column, row])) {
-            let stays = is_at(node)
-                .into_iter()
-                .zip(fixed)
-                .any(|(is_at, is_fixed)| is_at && is_fixed);
+            let stays = touched(node, [columns, rows]).any(is_fixed);
             mask[layout.index(0, node[0], node[1])] = if stays { 0.0 } else { 1.0 };
         }
         if let Some(supports) = grid.supports() {
@@ -132,7 +127,7 @@ impl OutOfPlane {
     ) -> Vec<f64> {
         let mut entries = Vec::new();
         for element in grid.each_element() {
-            let own = self.pairs_of::<N>(grid, element);
+            let own = pairs_of::<N>(grid, &self.numbers, element);
             if own.is_empty() {
                 continue;
             }
@@ -147,7 +142,7 @@ impl OutOfPlane {
                 let mut unit = [[0.0; N]; 2];
                 unit[0][node] = 1.0;
                 let slopes = grid.changes::<E, N>(element, &unit);
-                let flows = std::array::from_fn(|q| [along(stress[q], slopes[q][0]), [0.0; 2]]);
+                let flows = std::array::from_fn(|q| [apply(stress[q], slopes[q][0]), [0.0; 2]]);
                 grid.forces::<E, N>(element, flows)[0]
             });
             entries.extend(own.into_iter().map(|([row, column], _)| columns[column][row]));
@@ -157,7 +152,7 @@ impl OutOfPlane {
 
     fn masses<E: Element<N>, const N: usize>(&self, grid: &Grid, lumped: bool) -> Vec<f64> {
         let each = grid.each_element().flat_map(|element| {
-            let own = self.pairs_of::<N>(grid, element);
+            let own = pairs_of::<N>(grid, &self.numbers, element);
             let (factor, masses) = grid.mass_of::<E, N>(element);
             own.into_iter()
                 .map(move |([row, column], _)| match (lumped, row == column) {
@@ -167,10 +162,6 @@ impl OutOfPlane {
                 })
         });
         each.collect()
-    }
-
-    fn pairs_of<const N: usize>(&self, grid: &Grid, element: [usize; 2]) -> Vec<([usize; 2], Pair<usize, usize>)> {
-        pairs_of::<N>(grid, &self.numbers, element)
     }
 
     /// Returns whether some node can leave the plane.
@@ -224,7 +215,7 @@ impl OutOfPlane {
             for mut vector in next.drain(..) {
                 let is_new = basis.len() < size && orthonormalise(&mut vector, &basis, &heavy, metric);
                 if is_new {
-                    let mass = symmetric_product(metric, &vector);
+                    let mass = weighed(metric, &vector);
                     let mut image = mass.clone();
                     self.sparsity.solve(&factors, &mut image);
                     basis.push(vector);
@@ -306,6 +297,14 @@ impl FlatStability {
     }
 }
 
+/// Returns the product of a metric, given by its entries on and below the diagonal, and a vector.
+fn weighed(metric: &SparseColMat<usize, f64>, vector: &[f64]) -> Vec<f64> {
+    let mut product = vec![0.0; vector.len()];
+    let places = [metric.col_ptr(), metric.row_idx()];
+    add_symmetric_product(places, metric.val(), 1.0, vector, &mut product);
+    product
+}
+
 /// Makes a vector orthogonal to a basis and of unit size in a metric; returns whether something is left of it.
 fn orthonormalise(
     vector: &mut [f64],
@@ -313,7 +312,7 @@ fn orthonormalise(
     heavy: &[Vec<f64>],
     metric: &SparseColMat<usize, f64>,
 ) -> bool {
-    let size = |vector: &[f64]| dot(vector, &symmetric_product(metric, vector));
+    let size = |vector: &[f64]| dot(vector, &weighed(metric, vector));
     let before = size(vector);
     // Twice: the first pass leaves rounding of the size of the subtracted part.
     for _ in 0..2 {
@@ -329,12 +328,6 @@ fn orthonormalise(
     let factor = 1.0 / after.sqrt();
     vector.iter_mut().for_each(|value| *value *= factor);
     true
-}
-
-fn add(sum: &mut [f64], factor: f64, vector: &[f64]) {
-    sum.iter_mut()
-        .zip(vector)
-        .for_each(|(sum, value)| *sum += factor * value);
 }
 
 /// Returns the nodes of an element, as row and column of its matrix, whose unknowns have an entry on or below the
@@ -400,13 +393,9 @@ fn of_element<E: Element<N>, L: Material, const N: usize>(
 /// along their normal.
 fn in_layers(share: f64, normal: [f64; 2], covered: Tensor<f64>, bare: Tensor<f64>) -> Tensor<f64> {
     let mean = add_scaled(covered.map(|row| row.map(|value| share * value)), 1.0 - share, bare);
-    let jump = along(add_scaled(covered, -1.0, bare), normal);
-    let across = |layer: Tensor<f64>| dot(&along(layer, normal), &normal);
+    let jump = apply(add_scaled(covered, -1.0, bare), normal);
+    let across = |layer: Tensor<f64>| dot(&apply(layer, normal), &normal);
     let stiffness = (1.0 - share) * across(covered) + share * across(bare);
     let factor = -share * (1.0 - share) / stiffness;
     add_scaled(mean, factor, [0, 1].map(|i| [0, 1].map(|k| jump[i] * jump[k])))
-}
-
-fn along(tensor: Tensor<f64>, [x, y]: [f64; 2]) -> [f64; 2] {
-    tensor.map(|[a, b]| a * x + b * y)
 }

@@ -10,7 +10,7 @@ use deaflow_base::{Stream, is_interrupted};
 use super::flat::OutOfPlane;
 use super::surface::{Linearised, Surface, Totals};
 use crate::effects::WithMaterial;
-use crate::eigenvalue::dot;
+use crate::eigenvalue::{add, dot};
 use crate::error::SetupError;
 use crate::material::Material;
 use crate::newton::norm;
@@ -190,12 +190,10 @@ impl InflationSolver {
             });
         }
         let (planar, height) = found.x.split_at(2 * plane);
-        let both = [height, &vec![0.0; plane]].concat();
-        let sampled = self.solver.grid.sample(&both);
         Inflated {
             outcome: found.outcome,
             displacement: self.solver.grid.sample(planar),
-            heights: sampled.values().chunks_exact(2).map(|both| both[0]).collect(),
+            heights: self.solver.grid.sample_heights(height),
             pressure: self.units[0] * found.pressure,
             volume: self.units[1] * found.volume,
             compressed: found.compressed,
@@ -621,8 +619,4 @@ impl<L: Material> Search<'_, L> {
 
 fn combined(a: &[f64], factor: f64, b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a + factor * b).collect()
-}
-
-fn add(a: &mut [f64], factor: f64, b: &[f64]) {
-    a.iter_mut().zip(b).for_each(|(a, b)| *a += factor * b);
 }

@@ -16,32 +16,26 @@ use crate::material::Material;
 /// A deformation gradient of a surface in space, `[component][direction]`.
 pub(super) type Spatial = [[f64; 2]; 3];
 
-/// Three entries of a symmetric tensor: 11, 12 and 22.
-pub(super) type Symmetric = [f64; 3];
-
 const ONE: Tensor<f64> = [[1.0, 0.0], [0.0, 1.0]];
 
 /// Stress and moduli at a point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct PointState {
     pub f: Spatial,
-    pub stress: Symmetric,
+    pub stress: Tensor<f64>,
     /// ∂S/∂C, by the entries of S and C.
     pub moduli: [[f64; 3]; 3],
 }
 
-/// Returns C.
-pub(super) fn metric(f: &Spatial) -> Symmetric {
-    let product = |a: usize, b: usize| f.iter().map(|row| row[a] * row[b]).sum();
-    [product(0, 0), product(0, 1), product(1, 1)]
-}
-
-/// Returns the upper triangular U with UᵀU = C; `None` if C is not positive definite.
-pub(super) fn root([first, across, second]: Symmetric) -> Option<Tensor<f64>> {
+/// Returns the upper triangular U with UᵀU = C; `None` where the law is not defined.
+pub(super) fn root<L: Material>(material: &L, f: &Spatial) -> Option<Tensor<f64>> {
+    let product = |a: usize, b: usize| -> f64 { f.iter().map(|row| row[a] * row[b]).sum() };
+    let (first, across, second) = (product(0, 0), product(0, 1), product(1, 1));
     let along = first.sqrt();
     let shear = across / along;
     let square = second - shear * shear;
-    (first > 0.0 && square > 0.0).then(|| [[along, shear], [0.0, square.sqrt()]])
+    let u = (first > 0.0 && square > 0.0).then(|| [[along, shear], [0.0, square.sqrt()]])?;
+    (material.admissible(add_scaled(u, -1.0, ONE)) > 0.0).then_some(u)
 }
 
 /// Returns S at a deformation in the plane, with the stress that has no forces in the plane.
@@ -59,11 +53,8 @@ pub(super) fn second_stress<L: Material>(material: &L, f: Tensor<f64>, active: f
 impl PointState {
     /// Returns stress and moduli; `None` where the law is not defined.
     pub fn new<L: Material>(material: &L, f: Spatial, active: f64) -> Option<Self> {
-        let u = root(metric(&f))?;
+        let u = root(material, &f)?;
         let gradient = add_scaled(u, -1.0, ONE);
-        if material.admissible(gradient) <= 0.0 {
-            return None;
-        }
         let stress = second_stress(material, u, active);
         let back = inverse(u);
         let uniform = material.self_stress([[0.0; 2]; 2]);
@@ -85,7 +76,7 @@ impl PointState {
         let columns = [0, 1, 2].map(column);
         Some(Self {
             f,
-            stress: [stress[0][0], stress[0][1], stress[1][1]],
+            stress,
             moduli: std::array::from_fn(|row| std::array::from_fn(|entry| columns[entry][row])),
         })
     }
@@ -100,9 +91,10 @@ impl PointState {
                 .sum()
         };
         let metric = [twice(0, 0), twice(0, 1), twice(1, 1)];
-        let stress = self
+        let [first, across, second] = self
             .moduli
             .map(|row| row[0] * metric[0] + row[1] * metric[1] + row[2] * metric[2]);
+        let stress = [[first, across], [across, second]];
         std::array::from_fn(|row| {
             let (a, b) = (apply(self.stress, change[row]), apply(stress, self.f[row]));
             [a[0] + b[0], a[1] + b[1]]
@@ -110,8 +102,9 @@ impl PointState {
     }
 }
 
-fn apply([first, across, second]: Symmetric, [x, y]: [f64; 2]) -> [f64; 2] {
-    [first * x + across * y, across * x + second * y]
+/// Returns the product of a tensor and a vector.
+pub(super) fn apply(tensor: Tensor<f64>, [x, y]: [f64; 2]) -> [f64; 2] {
+    tensor.map(|[a, b]| a * x + b * y)
 }
 
 fn product(a: Tensor<f64>, b: Tensor<f64>) -> Tensor<f64> {

@@ -8,7 +8,7 @@ use deaflow_field::Order;
 use deaflow_pattern::Part;
 
 use super::flat::OutOfPlane;
-use super::point::{PointState, Spatial, metric, root};
+use super::point::{PointState, Spatial, apply, root, second_stress};
 use crate::element::{Bilinear, Biquadratic, Element};
 use crate::grid::Grid;
 use crate::kinematics::{Tensor, cofactor, contract, determinant};
@@ -54,8 +54,8 @@ impl<L: Material> Surface<'_, L> {
     /// Sets what does not move to zero.
     pub fn restrict(&self, vector: &mut [f64]) {
         let (planar, height) = vector.split_at_mut(2 * self.plane());
-        let rest = vec![0.0; planar.len()];
-        self.grid().restrict(&rest, planar);
+        // There are no bodies.
+        self.grid().restrict_at(&[], planar);
         self.heights.restrict(height);
     }
 
@@ -91,14 +91,10 @@ impl<L: Material> Surface<'_, L> {
             let mut stress = [[[0.0; 2]; 3]; N];
             for q in 0..N {
                 let active = self.activity.at_point(element[1], q, N)[element[0]];
-                let u = root(metric(&gradients[q]))?;
-                let gradient = [[u[0][0] - 1.0, u[0][1]], [u[1][0], u[1][1] - 1.0]];
-                if self.material.admissible(gradient) <= 0.0 {
-                    return None;
-                }
+                let u = root(self.material, &gradients[q])?;
                 totals.energy += areas[q] * self.material.energy(u, active);
-                let second = super::point::second_stress(self.material, u, active);
-                stress[q] = gradients[q].map(|row| second.map(|[a, b]| a * row[0] + b * row[1]));
+                let second = second_stress(self.material, u, active);
+                stress[q] = gradients[q].map(|row| apply(second, row));
             }
             self.add_to(forces, &nodes, &self.forces_of::<E, N>(element, &stress));
             let volumes = self.pressed::<E, N>(element, &areas, &gradients, &heights);
@@ -269,7 +265,7 @@ impl Linearised {
     /// larger one. F S Fᵀ has the signs of S.
     pub fn compressed(&self, rounding: f64) -> f64 {
         let is_compressed = |state: &PointState| {
-            let [first, across, second] = state.stress;
+            let [[first, across], [_, second]] = state.stress;
             let mean = 0.5 * (first + second);
             let radius = (0.5 * (first - second)).hypot(across);
             mean - radius < -rounding * (mean.abs() + radius)

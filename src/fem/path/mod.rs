@@ -6,9 +6,8 @@
 //! where another branch crosses below the fold; or a loss of ellipticity, beyond which the equations are not valid.
 
 pub(super) mod curve;
+mod flat_watch;
 pub(super) mod trace;
-
-use std::cell::RefCell;
 
 use deaflow_field::{Field, Motion};
 use deaflow_pattern::Pattern;
@@ -27,6 +26,7 @@ use super::reactions::SideForces;
 use super::solver::{MembraneSolver, SolveOptions};
 
 use curve::Curve;
+use flat_watch::{FlatLimit, FlatWatch};
 use trace::{PathState, Trace, follow};
 
 /// What changes along a path.
@@ -413,76 +413,14 @@ impl Follow<'_> {
     }
 }
 
-/// Where the flat membrane begins to be unstable out of its plane: a share of what changes, and the state before it.
-#[derive(Clone, Copy)]
-struct FlatLimit {
-    share: f64,
-    state: usize,
-}
-
-/// Follows the stability of states out of the plane.
-struct FlatWatch {
-    stability: FlatStability,
-    /// Number of states, and the last one while all were stable.
-    states: usize,
-    stable: Option<(Vec<f64>, f64)>,
-    limit: Option<FlatLimit>,
-    is_over: bool,
-}
-
-/// Halvings of the step in which the flat membrane loses its stability.
-const HALVINGS: u32 = 12;
-
-impl FlatWatch {
-    /// Adds a state; `unstable` counts the motions in which a state at a share is unstable.
-    fn add(&mut self, state: &PathState, unstable: impl Fn(&FlatStability, &[f64], f64) -> usize) -> usize {
-        let count = unstable(&self.stability, &state.u, state.share);
-        self.is_over |= !state.stable;
-        if !self.is_over && self.limit.is_none() {
-            if count > 0 {
-                self.limit = Some(FlatLimit {
-                    share: self.between(state, &unstable),
-                    state: self.states.saturating_sub(1),
-                });
-            } else {
-                self.stable = Some((state.u.clone(), state.share));
-            }
-        }
-        self.states += 1;
-        count
-    }
-
-    /// Returns the share between the last stable state and this one, by halving the straight line between them.
-    fn between(&self, state: &PathState, unstable: impl Fn(&FlatStability, &[f64], f64) -> usize) -> f64 {
-        let Some((before, first)) = &self.stable else {
-            return state.share;
-        };
-        let (mut low, mut high) = (0.0, 1.0);
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (low + high);
-            let u: Vec<f64> = before.iter().zip(&state.u).map(|(a, b)| a + middle * (b - a)).collect();
-            match unstable(&self.stability, &u, first + middle * (state.share - first)) {
-                0 => low = middle,
-                _ => high = middle,
-            }
-        }
-        first + 0.5 * (low + high) * (state.share - first)
-    }
-}
-
 impl WithMaterial for Follow<'_> {
     type Output = Option<LoadPath>;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(mut self, material: F) -> Option<LoadPath> {
         let solver = self.solver;
         let forces = SideForces::new(solver, self.pattern);
-        let watch = RefCell::new(FlatWatch {
-            stability: FlatStability::new(&solver.grid)?,
-            states: 0,
-            stable: None,
-            limit: None,
-            is_over: false,
-        });
+        let flat = FlatStability::new(&solver.grid)?;
+        let mut watch = FlatWatch::default();
         let problem = solver.problem(self.activity, &material);
         let curve = match self.start.take() {
             Some(u) => Curve::through(&problem, self.parameter, u)?,
@@ -502,7 +440,7 @@ impl WithMaterial for Follow<'_> {
                 };
                 compressed_fraction(&states.run(&material), solver.scene.shear_modulus_pa())
             });
-            let unstable = |flat: &FlatStability, u: &[f64], share: f64| {
+            let unstable = |u: &[f64], share: f64| {
                 let [voltage, _] = self.parameter.shares(share);
                 let law = material(voltage);
                 // An exact zero is stable to rounding.
@@ -511,10 +449,10 @@ impl WithMaterial for Follow<'_> {
             let checks = Checks {
                 reactions: forces.as_ref().map(|forces| forces.at(&law, load, &state.u)),
                 compressed,
-                out_of_plane: watch.borrow_mut().add(&state, unstable),
+                out_of_plane: watch.add(&state, unstable),
             };
             self.keep(state, checks)
         });
-        self.finish(trace, watch.into_inner().limit)
+        self.finish(trace, watch.limit())
     }
 }

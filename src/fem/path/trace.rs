@@ -63,7 +63,7 @@ pub struct Trace<M> {
 }
 
 /// Traces a curve. `keep` converts each state to the data to keep.
-pub fn follow<L: Material, F: Fn(f64) -> L, M>(curve: &Curve<'_, F>, keep: impl Fn(PathState) -> M) -> Trace<M> {
+pub fn follow<L: Material, F: Fn(f64) -> L, M>(curve: &Curve<'_, F>, keep: impl FnMut(PathState) -> M) -> Trace<M> {
     let mut tracer = Tracer {
         curve,
         keep,
@@ -87,7 +87,7 @@ struct Tracer<'a, F, K, M> {
     trace: Trace<M>,
 }
 
-impl<L: Material, F: Fn(f64) -> L, K: Fn(PathState) -> M, M> Tracer<'_, F, K, M> {
+impl<L: Material, F: Fn(f64) -> L, K: FnMut(PathState) -> M, M> Tracer<'_, F, K, M> {
     fn follow(&mut self, first: CurvePoint) -> PathEnd {
         let mut here = first;
         let mut arc = FIRST_STEP;

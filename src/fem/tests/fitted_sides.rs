@@ -102,8 +102,8 @@ fn strip(cells: [usize; 2], curves: &str, held: &str) -> Scene {
     let [columns, rows] = cells;
     scene(
         &format!(
-            "size: [40 mm, 20 mm], cells: [{columns}, {rows}], prestretch: 2, {held}, sides: {{ right: {{ bar: {{ load: \
-             [0.3 N, 0.02 N] }} }}, top: free, bottom: free }}"
+            "size: [40 mm, 20 mm], cells: [{columns}, {rows}], prestretch: 2, {held}, sides: {{ right: {{ bar: {{ \
+             load: [0.3 N, 0.02 N] }} }}, top: free, bottom: free }}"
         )
         .replace("CURVES", curves),
         5000.0,
@@ -174,24 +174,12 @@ fn tangents_and_gradients_follow_residuals_on_fitted_elements_at_sides() {
         let material = NeoHookean::of(0.3, 0.2);
         let operator = Operator::new(&material, &activity);
         let len = grid.layout().vector_len();
-        let wave = |phase: f64| -> Vec<f64> {
-            let mut u: Vec<f64> = (0..len).map(|i| 0.01 * (i as f64 * 0.61 + phase).sin()).collect();
-            grid.restrict(&vec![0.0; len], &mut u);
-            grid.settle(&mut u);
-            u
-        };
-        let u = wave(0.2);
-        let mut du = wave(1.3);
+        let u = waves(grid, 0.01, 0.2);
+        let mut du = waves(grid, 0.01, 1.3);
         grid.restrict(&u, &mut du);
         let mut product = vec![0.0; len];
         operator.tangent(&u, &du, &mut product);
-        let at = |step: f64| {
-            let mut moved: Vec<f64> = u.iter().zip(&du).map(|(u, du)| u + step * du).collect();
-            grid.settle(&mut moved);
-            let mut residual = vec![0.0; len];
-            operator.residual(&moved, &mut residual);
-            residual
-        };
+        let at = |step: f64| residual_after(&operator, &u, &du, step);
         let (ahead, behind) = (at(1e-5), at(-1e-5));
         let rigid: Vec<usize> = grid
             .supports()

@@ -288,8 +288,8 @@ fn tangents_of_floating_sheets_are_derivatives_of_residuals() {
 fn gradients_of_floating_sheets_are_those_of_differences() {
     for sides in [
         ALL_FREE,
-        "left: { bar: { load: [-0.2 N, 0 N], at: 3 mm } }, right: { bar: { load: [0.2 N, 0 N], at: 3 mm } }, top: free, \
-         bottom: free",
+        "left: { bar: { load: [-0.2 N, 0 N], at: 3 mm } }, right: { bar: { load: [0.2 N, 0 N], at: 3 mm } }, top: \
+         free, bottom: free",
         "left: { bar: {} }, right: free, top: free, bottom: free",
     ] {
         let scene = sheet([30.0, 20.0], [2.0, 1.5], [6, 4], sides, 4000.0);

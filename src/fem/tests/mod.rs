@@ -45,6 +45,24 @@ use deaflow_field::{CORNERS, Field, Mesh, Order, Outcome, Reactions, Simulation,
 use deaflow_pattern::{CELLS, Membrane, Pattern, Raster, Symmetry};
 use deaflow_scene::Scene;
 
+/// A displacement of waves that a grid allows.
+fn waves(grid: &Grid, size: f64, phase: f64) -> Vec<f64> {
+    let len = grid.layout().vector_len();
+    let mut u: Vec<f64> = (0..len).map(|i| size * (i as f64 * 0.61 + phase).sin()).collect();
+    grid.restrict(&vec![0.0; len], &mut u);
+    grid.settle(&mut u);
+    u
+}
+
+/// The residual after a step along a change.
+fn residual_after<L: Material>(operator: &Operator<'_, L>, u: &[f64], change: &[f64], step: f64) -> Vec<f64> {
+    let mut moved: Vec<f64> = u.iter().zip(change).map(|(u, du)| u + step * du).collect();
+    operator.activity.grid().settle(&mut moved);
+    let mut residual = vec![0.0; u.len()];
+    operator.residual(&moved, &mut residual);
+    residual
+}
+
 fn half() -> Pattern {
     Pattern::from_fn(Raster::PAPER, |x, _| x < CELLS / 2)
 }

@@ -303,25 +303,12 @@ fn tangents_are_derivatives_of_residuals_on_free_sides() {
         let material = NeoHookean::of(0.3, 0.2);
         let operator = Operator::new(&material, &activity);
         let len = grid.layout().vector_len();
-        let wave = |phase: f64| -> Vec<f64> {
-            let mut u: Vec<f64> = (0..len).map(|i| 0.02 * (i as f64 * 0.61 + phase).sin()).collect();
-            grid.restrict(&vec![0.0; len], &mut u);
-            grid.settle(&mut u);
-            u
-        };
-        let u = wave(0.2);
-        let mut du = wave(1.3);
+        let u = waves(grid, 0.02, 0.2);
+        let mut du = waves(grid, 0.02, 1.3);
         grid.restrict(&u, &mut du);
         let mut product = vec![0.0; len];
         operator.tangent(&u, &du, &mut product);
-        let at = |step: f64| {
-            let mut moved: Vec<f64> = u.iter().zip(&du).map(|(u, du)| u + step * du).collect();
-            grid.settle(&mut moved);
-            let mut residual = vec![0.0; len];
-            operator.residual(&moved, &mut residual);
-            // The virtual work of one fixed motion, for which the projection of forces does not turn.
-            residual
-        };
+        let at = |step: f64| residual_after(&operator, &u, &du, step);
         let step = 1e-5;
         let (ahead, behind) = (at(step), at(-step));
         let difference: Vec<f64> = ahead.iter().zip(&behind).map(|(a, b)| (a - b) / (2.0 * step)).collect();

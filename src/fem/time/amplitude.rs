@@ -15,7 +15,7 @@ use super::frequency::{FrequencySolver, LOAD_DIFFERENCE, ResponseProblem};
 use crate::adjoint::of_cells;
 use crate::dynamic_stiffness::Solved;
 use crate::effects::WithMaterial;
-use crate::eigenvalue::dot;
+use crate::eigenvalue::{add, dot};
 use crate::material::Material;
 use crate::newton::largest;
 use crate::operator::Operator;
@@ -192,12 +192,6 @@ fn residual<L: Material>(operator: &Operator<'_, L>, u: &[f64]) -> Vec<f64> {
 
 fn combined(p: f64, a: &[f64], q: f64, b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| p * a + q * b).collect()
-}
-
-fn add(sum: &mut [f64], factor: f64, vector: &[f64]) {
-    sum.iter_mut()
-        .zip(vector)
-        .for_each(|(sum, value)| *sum += factor * value);
 }
 
 #[cfg(test)]

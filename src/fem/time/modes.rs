@@ -9,7 +9,7 @@
 use deaflow_linalg::{Eigen, Mat, eigen};
 
 use crate::effects::WithMaterial;
-use crate::eigenvalue::{dot, precondition};
+use crate::eigenvalue::{add, dot, precondition};
 use crate::error::SetupError;
 use crate::gauge::check_resisted;
 use crate::grid::Grid;
@@ -123,17 +123,14 @@ impl MembraneSolver {
                 .collect(),
             out_of_plane: Transverse {
                 frequencies: transverse.values.into_iter().map(frequency).collect(),
-                modes: transverse.vectors.iter().map(|vector| self.heights(vector)).collect(),
+                modes: transverse
+                    .vectors
+                    .iter()
+                    .map(|vector| normalised_heights(self.grid.sample_heights(vector)))
+                    .collect(),
                 unstable: transverse.negative,
             },
         })
-    }
-
-    /// Returns a displacement out of the plane at the corners of cells, scaled to a largest one of 1.
-    fn heights(&self, vector: &[f64]) -> Vec<f64> {
-        let both = [vector, &vec![0.0; vector.len()]].concat();
-        let sampled = normalised(&self.grid.sample(&both));
-        sampled.values().chunks_exact(2).map(|both| both[0]).collect()
     }
 }
 
@@ -147,6 +144,18 @@ fn normalised(mode: &Field) -> Field {
         true => mode.clone(),
         false => mode.scaled(1.0 / scale),
     }
+}
+
+/// Scales heights to a largest one of 1.
+fn normalised_heights(mut heights: Vec<f64>) -> Vec<f64> {
+    let farther = |best: f64, height: &f64| {
+        if height.powi(2) > best.powi(2) { *height } else { best }
+    };
+    let peak = heights.iter().fold(0.0, farther);
+    if peak != 0.0 {
+        heights.iter_mut().for_each(|height| *height *= 1.0 / peak);
+    }
+    heights
 }
 
 struct Lowest<'a> {
@@ -260,7 +269,7 @@ impl Direction {
             (&mut self.heavy, &other.heavy),
         ];
         for (own, other) in parts {
-            own.iter_mut().zip(other).for_each(|(a, b)| *a += factor * b);
+            add(own, factor, other);
         }
     }
 

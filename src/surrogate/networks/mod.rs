@@ -69,8 +69,8 @@ impl NetworkKind {
 }
 
 /// Why there is no network `physics` of a device.
-const NO_RESPONSE: &str = "network physics has the linear response of a membrane whose `sides` are all held; use network \
-                           qin2024";
+const NO_RESPONSE: &str = "network physics has the linear response of a membrane whose `sides` are all held; use \
+                           network qin2024";
 
 /// Returns the cells of a network.
 fn raster_of(corners: Corners) -> Result<Raster> {
