@@ -38,7 +38,7 @@ export async function artifactsView(view, query, only, title) {
   );
   fill();
   // A single artifact is opened at once.
-  if (only.length && artifacts.length === 1) location.replace(`#/artifacts/${artifacts[0].digest}`);
+  if (only.length && artifacts.length === 1 && view.isConnected) location.replace(`#/artifacts/${artifacts[0].digest}`);
 }
 
 /** How to build an artifact of some kinds. @param {string[]} only */

@@ -110,6 +110,15 @@ export function when(time) {
   return time.replace("T", " ").slice(0, 19);
 }
 
+/**
+ * Replaces the URL of the shown view. A URL of another view stays: the user has just followed a link, and the view is about to change.
+ * @param {string} url
+ */
+export function replaceUrl(url) {
+  const view = (/** @type {string} */ hash) => hash.split("?")[0];
+  if (location.hash !== url && view(location.hash) === view(url)) history.replaceState(null, "", url);
+}
+
 /** Sets the title of the window. @param {string} what */
 export function titled(what) {
   document.title = what ? `${what} – deaflow` : "deaflow";

@@ -1,7 +1,7 @@
 // Pipelines: the state of their stages, and what would be built after a change.
 
 import { json } from "./server.js";
-import { attempt, bytes, h, near, problem, replace, seconds, settled, short, table, titled } from "./elements.js";
+import { attempt, bytes, h, near, problem, replace, replaceUrl, seconds, settled, short, table, titled } from "./elements.js";
 import { drawing as dag, list as stageList, progress, state } from "./dag.js";
 import { others, underWay } from "./live.js";
 import { withoutUnit } from "./quantity.js";
@@ -45,10 +45,6 @@ export async function pipelineView(view, id, mayRun, query) {
   const address = (/** @type {Record<string, string>} */ values) => {
     const words = new URLSearchParams(Object.entries(values).map(([path, value]) => ["set", `${path}=${value}`]));
     return `#/pipelines/${encodeURIComponent(id)}${Object.keys(values).length ? `?${words}` : ""}`;
-  };
-  const updateUrl = () => {
-    const url = address(set);
-    if (location.hash !== url) history.replaceState(null, "", url);
   };
   let turn = 0;
   /** The path of the refused value. @type {string|null} */ let refused = null;
@@ -117,7 +113,7 @@ export async function pipelineView(view, id, mayRun, query) {
       if (bare) throw Object.assign(new Error(bare[1]), { value: bare[0] });
       const plan = Object.keys(set).length ? await json("plan", { body: { pipeline: id, set } }) : found;
       if (ended || own !== turn) return;
-      updateUrl();
+      replaceUrl(address(set));
       old(false);
       replace(errorBox);
       refused = null;

@@ -1,7 +1,7 @@
 // The rows of an artifact: a table that the server filters, sorts and pages, a histogram, and pictures of patterns and fields.
 
 import { frame, json } from "./server.js";
-import { attempt, cell, choice, h, labelled, number, problem, replace, settled, short } from "./elements.js";
+import { attempt, cell, choice, h, labelled, number, problem, replace, replaceUrl, settled, short } from "./elements.js";
 import { charts } from "./chart.js";
 import { drawBar, drawMembrane, drawPattern, magnitudes } from "./membrane.js";
 import { card, drawField, drawn, patternsAt, rowLink, size, withEdges } from "./pictures.js";
@@ -60,7 +60,7 @@ export async function rowsView(place, found, query) {
     if (chosen !== null) link.set("row", String(chosen));
     if (model) link.set("model", model);
     const url = `#/artifacts/${found.digest}?${link}`;
-    if (first) history.replaceState(null, "", url);
+    if (first) replaceUrl(url);
     else if (location.hash !== url) history.pushState(null, "", url);
     try {
       const began = performance.now();
