@@ -1,5 +1,5 @@
 # On a fresh Debian with Rust: `make demo`, `make test`. What is missing is installed, as root or through sudo:
-# libhdf5 and pkg-config to build, h5py and jsonschema to test.
+# libhdf5 and pkg-config to build, h5py to test.
 
 SHELL := /bin/bash
 STORE ?= store
