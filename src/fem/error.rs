@@ -188,10 +188,7 @@ pub enum SetupError {
     #[error("inertia needs a density: add `density` to `properties`")]
     Density,
     /// A mesh without free nodes.
-    #[error(
-        "there are no natural frequencies, since all nodes of this mesh are fixed: use more cells, more elements per \
-         cell, or biquadratic elements"
-    )]
+    #[error("all nodes of this mesh are fixed: use more cells, more elements per cell, or biquadratic elements")]
     NothingMoves,
     /// Creep that three equilibria do not describe.
     #[error("cannot estimate a state at a time from three equilibria: {why}")]

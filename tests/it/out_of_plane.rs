@@ -80,8 +80,8 @@ fn what_is_not_simulated_under_pressure_is_refused() {
     let free = "geometry.sides={ right: roller }";
     let body = "geometry.bodies=[{ disc: { centre: [25 mm, 25 mm], radius: 6 mm } }]";
     let refused: [(&[&str], &str); 8] = [
-        (&["--set", pressure, "--modes", "2"], "remove `loads`"),
-        (&["--set", pressure, "--path"], "remove `loads`"),
+        (&["--set", pressure, "--modes", "2"], "with `--modes`"),
+        (&["--set", pressure, "--path"], "with `--path`"),
         (&["--set", pressure, "--set", free], "`sides` that are not held"),
         (&["--set", pressure, "--set", body], "`bodies`"),
         (&["--set", pressure, "--cells"], "--cells"),

@@ -48,6 +48,7 @@ const FORM: Form = Form {
     has_attachments: false,
     states: States::Each,
     without_covered_cells: None,
+    without_pressure: None,
 };
 
 /// Finds the equilibria of patterns.
@@ -248,10 +249,11 @@ fn critical_note(runs: &[StateRun], results: &[SampleResult], parameters: &Solve
     };
     let mut solutions = runs.iter().flat_map(|run| &run.solutions);
     let is_any_found = results.iter().any(is_found);
+    // A membrane that is unstable without voltage has no critical voltage.
+    let is_bracketed =
+        |found: &AccurateSimulation| found.simulation.outcome.bracket().is_some_and(|[_, upper]| upper > 0.0);
     match is_bilinear {
-        true => {
-            (is_any_found || solutions.any(|found| found.simulation.outcome.bracket().is_some())).then_some(BILINEAR)
-        }
+        true => (is_any_found || solutions.any(is_bracketed)).then_some(BILINEAR),
         false => is_any_found.then_some(ONE_MESH),
     }
 }

@@ -146,6 +146,7 @@ const FORM: Form = Form {
     has_attachments: true,
     states: States::Chosen("a history"),
     without_covered_cells: Some("a history"),
+    without_pressure: Some("`--history`"),
 };
 
 /// Simulates patterns in time.

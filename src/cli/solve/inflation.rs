@@ -24,7 +24,8 @@ const COMPRESSED: f64 = 0.005;
 pub fn execute(simulation: Simulation<'_>, output: &Output) -> Result<Exit, CliError> {
     let arguments = simulation.arguments;
     check(arguments, &simulation)?;
-    let flat = resolve(&simulation.scene.without_pressure())?;
+    let mut flat = resolve(&simulation.scene.without_pressure())?;
+    let left_out = simulation.scene.auto && flat.effects.fringe_field.take().is_some();
     let scene = Scene {
         loads: simulation.scene.loads.clone(),
         ..flat
@@ -50,12 +51,12 @@ pub fn execute(simulation: Simulation<'_>, output: &Output) -> Result<Exit, CliE
         arrays: content(&simulation, &scene, &found, seconds).object(),
         parameters: simulation.parameters(""),
         attachments: None,
-        warnings: warnings(&scene, &found),
+        warnings: warnings(&scene, &found, left_out),
         document: json!({
             "equilibria": found.iter().zip(&peaks).enumerate().map(document).collect::<Vec<_>>(),
             "unstable": unstable,
         }),
-        text: Text::of(overview(&found, &peaks)),
+        text: text(&found, &peaks),
         exit: if unstable > 0 { Exit::Unstable } else { Exit::Done },
     };
     simulation.finish(result, output)
@@ -120,7 +121,10 @@ impl Peak {
     }
 }
 
-fn warnings(scene: &Scene, found: &[Inflated]) -> Vec<String> {
+fn warnings(scene: &Scene, found: &[Inflated], without_fringe: bool) -> Vec<String> {
+    let fringe = without_fringe.then(|| {
+        "`effects: auto` chooses `fringe_field`, which is not simulated under pressure and is left out".to_owned()
+    });
     let breakdown = scene
         .effects
         .dielectric_breakdown
@@ -137,7 +141,7 @@ fn warnings(scene: &Scene, found: &[Inflated]) -> Vec<String> {
         })
     };
     let compressed = found.iter().enumerate().filter_map(of_one);
-    breakdown.into_iter().chain(compressed).collect()
+    fringe.into_iter().chain(breakdown).chain(compressed).collect()
 }
 
 fn content(simulation: &Simulation<'_>, scene: &Scene, found: &[Inflated], solve_seconds: Vec<f64>) -> Inflations {
@@ -209,6 +213,15 @@ fn overview(found: &[Inflated], peaks: &[Peak]) -> table::Table {
         ]);
     }
     table
+}
+
+/// The overview, and how to go beyond the limit of work.
+fn text(found: &[Inflated], peaks: &[Peak]) -> Text {
+    let mut text = Text::of(overview(found, peaks));
+    if found.iter().any(|one| one.outcome == InflationOutcome::WorkLimit) {
+        text.line("work-limit: raise the limit, as in --time-limit \"60 s\"");
+    }
+    text
 }
 
 /// The outcome for people, with the limit.

@@ -37,6 +37,7 @@ const FORM: Form = Form {
     has_attachments: false,
     states: States::Chosen("a natural frequency"),
     without_covered_cells: None,
+    without_pressure: Some("`--modes`"),
 };
 
 /// Finds natural frequencies and their modes.
@@ -73,7 +74,7 @@ pub fn execute(arguments: &SolveArguments, count: u64, output: &Output) -> Resul
             "vibrations": found.iter().enumerate().map(document).collect::<Vec<_>>(),
             "unstable": unstable,
         }),
-        text: Text::of(overview(&found, count as usize)),
+        text: text(&found, count as usize),
         exit: if unstable > 0 { Exit::Unstable } else { Exit::Done },
     };
     simulation.finish(result, output)
@@ -142,6 +143,18 @@ fn content(
         solver: simulation.solver(),
         effects: scene.effects.clone(),
     }
+}
+
+/// The overview, and where a mesh has fewer motions than requested.
+fn text(found: &[Vibration], count: usize) -> Text {
+    let mut text = Text::of(overview(found, count));
+    let is_short = |one: &Vibration| {
+        one.equilibrium.is_some() && one.frequencies.len().min(one.out_of_plane.frequencies.len()) < count
+    };
+    if found.iter().any(is_short) {
+        text.line("fewer frequencies than requested: this mesh has no more motions");
+    }
+    text
 }
 
 /// Lists the patterns with their lowest frequencies.

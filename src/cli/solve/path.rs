@@ -32,6 +32,7 @@ const FORM: Form = Form {
     has_attachments: true,
     states: States::Drive,
     without_covered_cells: None,
+    without_pressure: Some("`--path`"),
 };
 
 /// Follows the load paths of patterns.

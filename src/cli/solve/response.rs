@@ -93,6 +93,7 @@ const FORM: Form = Form {
     has_attachments: true,
     states: States::Chosen("a frequency response"),
     without_covered_cells: Some("a frequency response"),
+    without_pressure: Some("`--response`"),
 };
 
 /// Finds frequency responses.

@@ -26,6 +26,8 @@ pub struct Form {
     pub states: States,
     /// What it computes, if that is not possible where electrodes cover parts of cells.
     pub without_covered_cells: Option<&'static str>,
+    /// Its option, if it is not simulated under pressure.
+    pub without_pressure: Option<&'static str>,
 }
 
 /// Which states of a device a form of `solve` simulates.
@@ -110,6 +112,9 @@ impl<'a> Simulation<'a> {
                 CliError::bad_input(format!("{what} is computed for one state of a device"))
                     .help("choose a state: --state NAME"),
             );
+        }
+        if let (Some(with), true) = (form.without_pressure, scene.pressurised().is_some()) {
+            return Err(SetupError::Pressure { with }.into());
         }
         let NamedPatterns {
             patterns,

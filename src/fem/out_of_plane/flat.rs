@@ -46,15 +46,15 @@ pub(crate) struct OutOfPlane {
     sparsity: Sparsity,
 }
 
-/// The eigenvalues of a stiffness in a metric that are lowest in magnitude.
+/// The lowest eigenvalues of a stiffness in a metric.
 #[derive(Clone, Debug, PartialEq, Default)]
 pub(crate) struct Lowest {
-    /// Eigenvalues, lowest first.
+    /// Eigenvalues: those of unstable motions, then the others, lowest first.
     pub values: Vec<f64>,
     /// Their vectors: the first component of nodal vectors.
     pub vectors: Vec<Vec<f64>>,
-    /// Number of negative eigenvalues of the stiffness.
-    pub negative: usize,
+    /// Number of unstable motions.
+    pub unstable: usize,
 }
 
 impl OutOfPlane {
@@ -187,20 +187,63 @@ impl OutOfPlane {
         vector
     }
 
-    /// Finds the eigenvalues of a stiffness in a metric that are lowest in magnitude; fewer if there are fewer
-    /// unknowns.
-    /// `None` if a pivot of the stiffness is zero, memory is short, or the search does not settle.
+    /// Finds the lowest eigenvalues of a stiffness in a metric; fewer if there are fewer unknowns. Negative ones that do
+    /// not count as unstable ([`NEARLY_ZERO`]) are left out while there are positive ones. The vectors of unstable
+    /// motions are those of the longest waves, which a mesh resolves.
+    ///
+    /// `None` if a pivot is zero, memory is short, or the search does not settle.
+    pub fn lowest(
+        &self,
+        grid: &Grid,
+        stiffness: &[f64],
+        metric: &SparseColMat<usize, f64>,
+        count: usize,
+    ) -> Option<Lowest> {
+        if !self.moves() {
+            return Some(Lowest::default());
+        }
+        let laplacian = self.laplacian(grid);
+        let stiffer = |share: f64| {
+            let mut entries = stiffness.to_vec();
+            add(&mut entries, share, &laplacian);
+            entries
+        };
+        let count = count.min(self.free.len());
+        let shifted = self.sparsity.factors(&stiffer(NEARLY_ZERO))?;
+        let unstable = self.sparsity.negative_pivots(&shifted);
+        let factors = self.sparsity.factors(&stiffer(ROUNDING))?;
+        let positive = self.free.len() - self.sparsity.negative_pivots(&factors);
+        // Negative ones that do not count fill up the list.
+        let mut packed = match positive + unstable < count {
+            true => self.nearest(&factors, metric, -1.0, count - positive)?,
+            false => self.nearest(&shifted, metric, -1.0, unstable.min(count))?,
+        };
+        packed.extend(self.nearest(&factors, metric, 1.0, count - packed.len())?);
+        let stiff = self.sparsity.matrix(stiffness)?;
+        let value = |vector: &Vec<f64>| dot(vector, &weighed(&stiff, vector)) / dot(vector, &weighed(metric, vector));
+        Some(Lowest {
+            values: packed.iter().map(value).collect(),
+            vectors: packed.iter().map(|vector| self.unpack(vector)).collect(),
+            unstable,
+        })
+    }
+
+    /// Finds the eigenvectors of a factorised stiffness in a metric whose eigenvalues of a sign are nearest to zero, in
+    /// this order.
     ///
     /// By Rayleigh and Ritz in the Krylov space of blocks of random vectors under K⁻¹M, whose eigenvalues of largest
     /// magnitude are the inverses of the wanted ones.
-    pub fn lowest(&self, stiffness: &[f64], metric: &SparseColMat<usize, f64>, count: usize) -> Option<Lowest> {
+    fn nearest(
+        &self,
+        factors: &[f64],
+        metric: &SparseColMat<usize, f64>,
+        sign: f64,
+        count: usize,
+    ) -> Option<Vec<Vec<f64>>> {
         let size = self.free.len();
-        if size == 0 {
-            return Some(Lowest::default());
+        if count == 0 {
+            return Some(Vec::new());
         }
-        let factors = self.sparsity.factors(stiffness)?;
-        let negative = self.sparsity.negative_pivots(&factors);
-        let count = count.min(size);
         let mut basis: Vec<Vec<f64>> = Vec::new();
         let (mut heavy, mut images): (Vec<Vec<f64>>, Vec<Vec<f64>>) = (Vec::new(), Vec::new());
         let mut next: Vec<Vec<f64>> = (0..BLOCK)
@@ -217,7 +260,7 @@ impl OutOfPlane {
                 if is_new {
                     let mass = weighed(metric, &vector);
                     let mut image = mass.clone();
-                    self.sparsity.solve(&factors, &mut image);
+                    self.sparsity.solve(factors, &mut image);
                     basis.push(vector);
                     heavy.push(mass);
                     images.push(image);
@@ -227,28 +270,24 @@ impl OutOfPlane {
                 0.5 * (dot(&heavy[i], &images[k]) + dot(&heavy[k], &images[i]))
             });
             let Eigen { values, vectors } = eigen(&small)?;
-            let mut inverse: Vec<(f64, usize)> = values.iter().map(|value| value.recip()).zip(0..).collect();
-            // Of unstable motions those of the longest waves, which a mesh resolves.
-            inverse.sort_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
-            inverse.truncate(count);
-            inverse.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let found: Vec<f64> = inverse.iter().map(|(value, _)| *value).collect();
-            let is_settled = |(new, old): (&f64, &f64)| (new - old).abs() <= SETTLED * new.abs();
+            let signed = values.iter().map(|value| sign * value.recip()).zip(0..);
+            let mut magnitudes: Vec<(f64, usize)> = signed.filter(|(value, _)| *value > 0.0).collect();
+            magnitudes.sort_by(|a, b| a.0.total_cmp(&b.0));
+            magnitudes.truncate(count);
+            let found: Vec<f64> = magnitudes.iter().map(|(value, _)| *value).collect();
+            let is_settled = |(new, old): (&f64, &f64)| (new - old).abs() <= SETTLED * new;
             let is_whole = basis.len() == size || basis.len() == first;
-            if is_whole || (before.len() == count && found.iter().zip(&before).all(is_settled)) {
-                let combined = inverse.iter().map(|(_, mode)| {
+            let has_settled =
+                found.len() == count && before.len() == count && found.iter().zip(&before).all(is_settled);
+            if is_whole || has_settled {
+                let combined = magnitudes.iter().map(|(_, mode)| {
                     let mut sum = vec![0.0; size];
                     for (at, vector) in basis.iter().enumerate() {
                         add(&mut sum, vectors[(at, *mode)], vector);
                     }
-                    self.unpack(&sum)
+                    sum
                 });
-                let vectors = combined.collect();
-                return Some(Lowest {
-                    values: found,
-                    vectors,
-                    negative,
-                });
+                return Some(combined.collect());
             }
             before = found;
             next = images[first..].to_vec();
@@ -260,6 +299,9 @@ impl OutOfPlane {
 /// Share of the Laplacian that is added to the stiffness where motions are counted as unstable: free edges of strips in
 /// tension are compressed a little, and active membrane that is pulled along one axis has no tension across.
 const NEARLY_ZERO: f64 = 0.01;
+/// Share of the Laplacian that is added to the stiffness where eigenvectors are searched, so that a membrane without any
+/// tension has factors. Eigenvalues are those of the stiffness alone.
+const ROUNDING: f64 = 1e-12;
 
 /// The stability of flat states against small motions out of their plane.
 pub(crate) struct FlatStability {

@@ -128,7 +128,7 @@ impl MembraneSolver {
                     .iter()
                     .map(|vector| normalised_heights(self.grid.sample_heights(vector)))
                     .collect(),
-                unstable: transverse.negative,
+                unstable: transverse.unstable,
             },
         })
     }
@@ -187,7 +187,7 @@ impl Lowest<'_> {
         let grid = self.activity.grid();
         let heights = OutOfPlane::new(grid)?;
         let mass = heights.mass(grid, self.lumped)?;
-        heights.lowest(&heights.stiffness(operator, self.u), &mass, self.count)
+        heights.lowest(grid, &heights.stiffness(operator, self.u), &mass, self.count)
     }
 }
 
