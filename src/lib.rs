@@ -19,6 +19,7 @@
 //! content      → store, pattern, field, scene
 //! store        → hdf
 //!
+//! tolerance    → scene, pattern, field, fem, linalg
 //! design       → pattern, field, scene
 //! accuracy     → scene, sample, pattern, field, fem, surrogate
 //! surrogate    → dataset, scene, pattern, field, fem, linalg
@@ -47,5 +48,5 @@ pub use {
     deaflow_fem as fem, deaflow_field as field, deaflow_fit as fit, deaflow_hdf as hdf, deaflow_linalg as linalg,
     deaflow_orchestrator as orchestrator, deaflow_pattern as pattern, deaflow_remote as remote,
     deaflow_report as report, deaflow_sample as sample, deaflow_scene as scene, deaflow_serve as serve,
-    deaflow_stage as stage, deaflow_store as store, deaflow_surrogate as surrogate,
+    deaflow_stage as stage, deaflow_store as store, deaflow_surrogate as surrogate, deaflow_tolerance as tolerance,
 };

@@ -17,7 +17,7 @@ use super::tone::width_of_stdout;
 use super::{
     CliError, Exit, Output, accuracy, attach, audit, check, columns, compare, copy, dag, diff, doctor, explain, export,
     fit, fsck, gc, init, log, measure, pin, plan, predict, pull, push, remote, report, run, schema, screen, serve,
-    show, sketch, solve, status, sweep, unpin, worker,
+    show, sketch, solve, status, sweep, unpin, worker, yields,
 };
 
 /// The name of the program.
@@ -139,6 +139,7 @@ commands! {
     Predict => predict::PredictArguments,
     Check => check::CheckArguments,
     Screen => screen::ScreenArguments,
+    Yield => yields::YieldArguments,
     Accuracy => accuracy::AccuracyArguments,
     Measure => measure::MeasureArguments,
     Fit => fit::FitArguments,

@@ -21,6 +21,7 @@ use deaflow_report::{ReportError, RowsError};
 use deaflow_serve::ServeError;
 use deaflow_stage::direct::DirectError;
 use deaflow_store::StoreError;
+use deaflow_tolerance::ToleranceError;
 
 /// The error of a command.
 #[derive(Debug)]
@@ -375,6 +376,15 @@ impl From<SetupError> for CliError {
         match error.is_of_the_scene() {
             true => Self::bad_input(error.to_string()),
             false => Self::failure(error.to_string()),
+        }
+    }
+}
+
+impl From<ToleranceError> for CliError {
+    fn from(error: ToleranceError) -> Self {
+        match error {
+            ToleranceError::Setup(error) => error.into(),
+            other => Self::bad_input(other.to_string()),
         }
     }
 }

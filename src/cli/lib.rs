@@ -73,6 +73,7 @@ mod unpin;
 mod upstream;
 mod worker;
 mod write;
+mod yields;
 
 use std::ffi::OsString;
 

@@ -22,6 +22,7 @@ mod sides;
 mod source;
 #[cfg(test)]
 mod tests;
+mod tolerances;
 mod waveform;
 
 pub use charge::Charge;
@@ -44,4 +45,5 @@ pub use outline::Outline;
 pub use shape::{Cells, Circle, Position, Shape, Shapes};
 pub use sides::{Bar, BarMotion, SideSupport, Sides};
 pub use source::Source;
+pub use tolerances::{Distribution, Factor, Spread, Tolerances};
 pub use waveform::{Knot, Ramp, Side, Sine, Step, Table, Waveform};

@@ -66,7 +66,7 @@ pub struct Scene {
 pub(super) const WHAT: &str = "the scene";
 
 /// The sections of a scene.
-pub(super) const SECTIONS: [&str; 8] = [
+pub(super) const SECTIONS: [&str; 9] = [
     "geometry",
     "material",
     "drive",
@@ -75,6 +75,7 @@ pub(super) const SECTIONS: [&str; 8] = [
     "leads",
     "effects",
     "properties",
+    "tolerances",
 ];
 
 impl Scene {

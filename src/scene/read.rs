@@ -12,6 +12,7 @@ use super::loads::Loads;
 use super::model::{Material, SECTIONS, Scene, VACUUM_PERMITTIVITY, WHAT};
 use super::shape::Shape;
 use super::sides::SideSupport;
+use super::tolerances::Tolerances;
 use super::waveform::Waveform;
 use deaflow_base::{Declared, Document, Fields, InputError, Map, Node, NodeValue, Parameter, Schema};
 
@@ -94,6 +95,8 @@ impl Scene {
             .optional("loads")
             .map(|node| Loads::read_with(node, &[]))
             .transpose()?;
+        // They are no part of what a simulation depends on.
+        Tolerances::of_scene(node)?;
         let scene = Self {
             geometry,
             material,
@@ -155,7 +158,8 @@ impl Scene {
             .optional("loads", Loads::schema(&()))
             .optional("leads", Leads::schema(&()))
             .optional("effects", effects.default(serde_json::json!({})))
-            .optional("properties", Properties::schema(&()));
+            .optional("properties", Properties::schema(&()))
+            .optional("tolerances", Tolerances::schema(&()));
         let shapes = Schema::from(scene).define(Shape::DEFINITION, Shape::fields().into());
         shapes.define(SideSupport::DEFINITION, SideSupport::definition())
     }

@@ -8,7 +8,7 @@ use deaflow_content::named_patterns;
 use deaflow_dataset::import::{ImportError, ImportFile, Rows};
 use deaflow_orchestrator::splice_scene;
 use deaflow_pattern::{DrawingOptions, Pattern, PatternForm};
-use deaflow_scene::{Scene, scene_files};
+use deaflow_scene::{Scene, Tolerances, scene_files};
 
 /// Why a direct simulation or prediction failed.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
@@ -126,6 +126,8 @@ pub fn read_scene(path: &Path) -> Result<Scene, InputError> {
 pub struct ReadScene {
     /// The scene.
     pub scene: Scene,
+    /// What differs from one device to the next.
+    pub tolerances: Option<Tolerances>,
     /// How numbers without a unit were read; `None` if all have one.
     pub bare_numbers: Option<String>,
 }
@@ -214,6 +216,7 @@ pub fn read_scene_with(path: &Path, changes: Changes<'_>) -> Result<ReadScene, I
     let scene = crate::scene::read(node)?;
     Ok(ReadScene {
         scene,
+        tolerances: Tolerances::of_scene(node)?,
         bare_numbers: node.bare_numbers(),
     })
 }

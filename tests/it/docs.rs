@@ -68,6 +68,11 @@ fn the_page_on_motion_out_of_the_plane_is_true() {
 }
 
 #[test]
+fn the_page_on_tolerances_is_true() {
+    run("docs/tolerances.md");
+}
+
+#[test]
 fn the_page_on_fitting_is_true() {
     run("docs/fit.md");
 }

@@ -30,6 +30,7 @@ fn allowed() -> BTreeMap<String, BTreeSet<String>> {
         "dataset",
         "surrogate",
         "design",
+        "tolerance",
     ]
     .map(String::from)
     .into();

@@ -65,6 +65,7 @@ mod sides;
 mod solve;
 mod sweep;
 mod terminal;
+mod tolerances;
 mod training;
 mod two_hosts;
 mod two_runs;

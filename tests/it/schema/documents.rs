@@ -308,9 +308,12 @@ const NAMED: [&str; 2] = [
 
 /// What stands beside geometry and material: every effect. Each law of stiffening is added, as an effect and as a
 /// property.
-const SCENES: [&str; 16] = [
+const SCENES: [&str; 18] = [
     "drive: { voltage: 5 kV }\nloads: { pressure: -500 Pa }",
     "drive: { voltage: 5 kV }\nloads: { volume: 2 ml }",
+    "drive: { voltage: 5 kV }\ntolerances: { voltage: 1 %, shear_modulus: { relative: 5 %, distribution: lognormal }, thickness: 0.03,
+  permittivity: 2 %, prestretch: { relative: 1 % }, mask: 0.15 mm, misregistration: [0.1 mm, 0.2 mm], lost_cells: 0.2 % }",
+    "drive: { voltage: 5 kV }\ntolerances: { misregistration: 0.1 mm }",
     "drive: { voltages: [5 kV, 3 kV] }\nstates: { push: { voltages: [5 kV, 0 V] }, pull: { voltages: [0 V, 5 kV] } }",
     "states: { on: { voltage: 5 kV }, off: { voltage: 0 V } }",
     "drive: { voltage: 5.25 kV, frequency: 2 Hz, duration: 30 s }\neffects: auto",

@@ -31,6 +31,11 @@ pub trait StiffeningLaw {
     fn check_modulus(&self, _node: &Node, _shear_modulus_pa: f64) -> Result<(), InputError> {
         Ok(())
     }
+
+    /// Returns whether it has all moduli itself, so that the shear modulus changes nothing.
+    fn has_moduli(&self) -> bool {
+        false
+    }
 }
 
 /// Declares the table: the word after `model:`, the parameters of the law, and an example in YAML.

@@ -58,4 +58,8 @@ impl StiffeningLaw for Ogden {
             ))
             .help("they must agree within 1 %"))
     }
+
+    fn has_moduli(&self) -> bool {
+        true
+    }
 }

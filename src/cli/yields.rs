@@ -1,0 +1,330 @@
+//! `deaflow yield`: how many devices of a pattern reach a displacement under the tolerances of a scene.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::arguments::{StateArguments, TimeArguments, integer, quantity};
+use super::point::{PointArguments, Probe};
+use super::progress::Bar;
+use super::text::Text;
+use super::{CliError, Exit, Output, csv, table, write};
+use deaflow_base::{Dimension, Progress, Quantity, four_digits, is_interrupted};
+use deaflow_fem::SolveOptions;
+use deaflow_fem::screening::resolve;
+use deaflow_field::{Mesh, Order};
+use deaflow_pattern::{DrawingOptions, Pattern};
+use deaflow_stage::direct;
+use deaflow_tolerance::{Device, Estimate, MOST_SAMPLES, Quantile, Source, Study, ToleranceError, Yield};
+
+/// Shares of the variance below this are not listed for people.
+const LISTED: f64 = 0.005;
+
+/// Show how many devices reach a displacement under the tolerances of a scene, and which tolerance matters
+#[derive(Debug, Args)]
+#[command(after_help = examples!(
+    "deaflow yield scene.yaml mine.csv --point \"25 mm, 25 mm\" --direction \"0 deg\" --wanted \"2 mm\"",
+    "deaflow yield scene.yaml mine.csv --point \"25 mm, 25 mm\" --set \"tolerances={ thickness: 3 % }\"",
+))]
+pub struct YieldArguments {
+    /// The scene with its `tolerances`: a YAML file of a scene, or of a pipeline that has one
+    pub scene: PathBuf,
+    /// Patterns: FILE.npy, FILE.csv, pictures, drawings, or FILE.h5:/dataset
+    #[arg(value_name = "PATTERN", required = true)]
+    pub patterns: Vec<String>,
+    #[command(flatten)]
+    point: PointArguments,
+    /// The displacement that a device has to reach, as in "2 mm"
+    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
+    wanted: Option<Quantity>,
+    /// Number of devices
+    #[arg(long, value_name = "N", default_value = "1000", value_parser = integer::<u32>(2..=u64::from(MOST_SAMPLES)))]
+    samples: u32,
+    /// Double the number of devices until the interval of the yield is at most this far from it, as in 0.01
+    #[arg(long, value_name = "SHARE", value_parser = share, requires = "wanted")]
+    within: Option<f64>,
+    /// Seed of the random deviations
+    #[arg(long, value_name = "N", default_value = "0", value_parser = integer::<u64>(0..=i64::MAX as u64))]
+    seed: u64,
+    /// Elements along one side of a cell
+    #[arg(long, value_name = "N", default_value = "1", value_parser = integer::<u64>(1..=8))]
+    elements_per_cell: u64,
+    /// Polynomial order of the elements: 1 or 2
+    #[arg(long, value_name = "N", default_value = "1", value_parser = integer::<u64>(1..=2))]
+    order: u64,
+    /// Override a value of the scene, such as tolerances.mask="0.2 mm"
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    sets: Vec<String>,
+    /// The file for the table of all devices; an existing file is replaced [default: none]
+    #[arg(short, long, value_name = "OUT.csv")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    pub time: TimeArguments,
+    #[command(flatten)]
+    pub state: StateArguments,
+}
+
+fn length(text: &str) -> Result<Quantity, String> {
+    quantity(text, Dimension::Length)
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let value = text.trim().parse().ok().filter(|value| (1e-4..=0.5).contains(value));
+    value.ok_or_else(|| "allowed: 0.0001 to 0.5".to_owned())
+}
+
+/// The devices of a pattern.
+struct Found {
+    file: String,
+    nominal: Option<f64>,
+    devices: Vec<Device>,
+    result: Yield,
+}
+
+pub fn execute(arguments: &YieldArguments, output: &Output) -> Result<Exit, CliError> {
+    if let Some(file) = &arguments.output {
+        let inputs = [arguments.patterns.clone(), direct::files_read(&arguments.scene)].concat();
+        write::check_output(file, &inputs)?;
+    }
+    let changes = direct::Changes {
+        sets: &arguments.sets,
+        voltage: None,
+    };
+    let read = direct::read_scene_with(&arguments.scene, changes)?;
+    read.notes().into_iter().for_each(|note| output.warn(note));
+    let tolerances = read.tolerances;
+    let scene = arguments.state.of(read.scene)?;
+    if !scene.states.is_empty() {
+        return Err(
+            CliError::bad_input("a yield is computed for one state of a device").help("choose a state: --state NAME")
+        );
+    }
+    let probe = arguments.point.on(&scene)?.ok_or_else(|| {
+        CliError::bad_input("no point is given")
+            .help("add the point whose displacement counts, as in --point \"25 mm, 25 mm\"")
+    })?;
+    let direct::NamedPatterns {
+        patterns, names, notes, ..
+    } = direct::patterns(&arguments.patterns, scene.form(), &DrawingOptions::default())?;
+    notes.iter().for_each(|note| output.warn(note));
+    let study = Study::new(
+        resolve(&scene)?,
+        tolerances.ok_or(ToleranceError::None)?,
+        arguments.options(),
+        arguments.time.work_limit(),
+        arguments.seed,
+    )?;
+    patterns.iter().try_for_each(|pattern| study.check(pattern))?;
+    let mut found = Vec::new();
+    for (pattern, file) in patterns.iter().zip(names) {
+        found.push(of_pattern(arguments, &study, pattern, file, &probe)?);
+    }
+    if let Some(file) = &arguments.output {
+        let source = format!("scene {}, seed {}", arguments.scene.display(), arguments.seed);
+        write::csv(file, devices(&found, &study.varying())?.as_bytes(), "Devices", &source)?;
+    }
+    output.result(
+        || document(&found, &probe, arguments),
+        || text(&found, &probe, arguments),
+    )
+}
+
+impl YieldArguments {
+    fn options(&self) -> SolveOptions {
+        let order = if self.order == 1 {
+            Order::Bilinear
+        } else {
+            Order::Biquadratic
+        };
+        SolveOptions::on(Mesh::new(self.elements_per_cell as usize, order))
+    }
+
+    fn wanted_mm(&self) -> Option<f64> {
+        self.wanted.map(|wanted| wanted.value())
+    }
+}
+
+/// Simulates the devices of a pattern: as many as requested, or until the interval of the yield is narrow enough.
+fn of_pattern(
+    arguments: &YieldArguments,
+    study: &Study,
+    pattern: &Pattern,
+    file: String,
+    probe: &Probe,
+) -> Result<Found, CliError> {
+    let nominal = study.nominal(pattern)?.ok().map(|field| probe.of(&field));
+    let mut samples = arguments.samples;
+    let mut devices: Vec<Device> = Vec::new();
+    loop {
+        let bar = Bar::new(&file, "devices", u64::from(samples));
+        let done = devices.len() as u32;
+        bar.set(u64::from(done), u64::from(samples));
+        devices.extend(study.devices(pattern, done..samples, |field| probe.of(field), || bar.advance(1))?);
+        bar.clear();
+        if is_interrupted() {
+            return Err(CliError::stopped("stopped before all devices were simulated"));
+        }
+        let result = Yield::of(&devices, &study.varying(), arguments.wanted_mm());
+        let is_wide = |wide: f64| {
+            let reached = result.reached.as_ref();
+            reached.is_some_and(|reached| reached.interval.iter().any(|end| (end - reached.value).abs() > wide))
+        };
+        if samples == MOST_SAMPLES || !arguments.within.is_some_and(is_wide) {
+            return Ok(Found {
+                file,
+                nominal,
+                devices,
+                result,
+            });
+        }
+        samples = (2 * samples).min(MOST_SAMPLES);
+    }
+}
+
+/// The table of all devices; deviations are in units of the standard deviation.
+fn devices(found: &[Found], varying: &[Source]) -> Result<String, CliError> {
+    let first = ["pattern", "device"].map(str::to_owned).into_iter();
+    let deviations = varying.iter().map(|source| format!("{}_deviation", source.name()));
+    let last = ["outcome", "displacement_mm"].map(str::to_owned);
+    let header: Vec<String> = first.chain(deviations).chain(last).collect();
+    let rows = found.iter().flat_map(|one| {
+        one.devices.iter().enumerate().map(|(index, device)| {
+            let deviations = varying.iter().map(|source| device.deviation(*source).to_string());
+            let (outcome, value) = match device.value {
+                Ok(mm) => ("converged", mm.to_string()),
+                Err(failure) => (failure.name(), String::new()),
+            };
+            let first = [one.file.clone(), index.to_string()];
+            first
+                .into_iter()
+                .chain(deviations)
+                .chain([outcome.to_owned(), value])
+                .collect()
+        })
+    });
+    csv::text(&header, rows)
+}
+
+/// A number with half of its interval, where that is symmetric.
+fn with_interval(estimate: &Estimate) -> String {
+    let half = 0.5 * (estimate.interval[1] - estimate.interval[0]);
+    format!("{} ± {}", four_digits(estimate.value), rounded(half))
+}
+
+/// Two digits of an uncertainty.
+fn rounded(number: f64) -> String {
+    if number == 0.0 || !number.is_finite() {
+        return number.to_string();
+    }
+    let places = (1 - number.abs().log10().floor() as i32).max(0) as usize;
+    format!("{number:.places$}")
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.1} %", 100.0 * share)
+}
+
+fn text(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Text {
+    let wanted = arguments.wanted.map(|wanted| format!("reach {wanted}"));
+    let mut header = vec!["pattern", "as drawn", "mean", "deviation", "5 %", "median", "95 %"];
+    header.extend(wanted.as_deref());
+    header.push("fail");
+    let mut overview = table::table(&header, &header[1..]).dispensable(&["median", "95 %"]);
+    for one in found {
+        let result = &one.result;
+        let mm = |estimate: &Option<Estimate>| estimate.as_ref().map_or_else(|| "-".to_owned(), with_interval);
+        let quantile = |quantile: &Quantile| match quantile.value.value.is_finite() {
+            true => four_digits(quantile.value.value),
+            false => "fails".to_owned(),
+        };
+        let mut row = vec![
+            one.file.clone(),
+            one.nominal.map_or_else(|| "-".to_owned(), four_digits),
+            mm(&result.mean),
+            mm(&result.deviation),
+        ];
+        row.extend(result.quantiles.iter().map(quantile));
+        row.extend(result.reached.as_ref().map(|reached| {
+            let [low, high] = reached.interval;
+            format!("{} ({} to {})", percent(reached.value), percent(low), percent(high))
+        }));
+        row.push(percent(
+            (result.unstable + result.short_circuits) as f64 / result.samples as f64,
+        ));
+        overview.add_row(row);
+    }
+    let mut text = Text::from(format!("displacement {} of each device, mm", probe.title()));
+    text.table(overview);
+    for one in found {
+        let result = &one.result;
+        let listed = result.shares.iter().filter(|(_, share)| *share >= LISTED);
+        let shares: Vec<String> = listed
+            .map(|(source, share)| format!("{} {}", source.label(), percent(*share)))
+            .collect();
+        text.line(format!(
+            "{}: {} devices; the variance is that of {}",
+            one.file,
+            result.samples,
+            match shares.is_empty() {
+                true => "none of them alone".to_owned(),
+                false => shares.join(", "),
+            }
+        ));
+        for (count, what) in [
+            (result.unstable, "have no stable state"),
+            (result.short_circuits, "have a short circuit between groups"),
+        ] {
+            if count > 0 {
+                text.line(format!(
+                    "{}: {count} devices {what}; they count as failed, and not in the mean",
+                    one.file
+                ));
+            }
+        }
+    }
+    text
+}
+
+fn document(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Value {
+    let estimate = |estimate: &Option<Estimate>| {
+        estimate
+            .as_ref()
+            .map(|one| json!({ "value": one.value, "interval": one.interval }))
+    };
+    // JSON has no infinity: devices that fail are null.
+    let quantile = |quantile: &Quantile| {
+        json!({
+            "probability": quantile.probability,
+            "value": quantile.value.value,
+            "interval": quantile.value.interval,
+        })
+    };
+    let of_one = |(index, one): (usize, &Found)| {
+        let result = &one.result;
+        let shares = result
+            .shares
+            .iter()
+            .map(|(source, share)| (source.name().to_owned(), json!(share)));
+        json!({
+            "index": index,
+            "file": one.file,
+            "samples": result.samples,
+            "as_drawn_mm": one.nominal,
+            "mean_mm": estimate(&result.mean),
+            "standard_deviation_mm": estimate(&result.deviation),
+            "quantiles_mm": result.quantiles.iter().map(quantile).collect::<Vec<_>>(),
+            "yield": estimate(&result.reached),
+            "unstable": result.unstable,
+            "short_circuits": result.short_circuits,
+            "shares": shares.collect::<serde_json::Map<_, _>>(),
+        })
+    };
+    json!({
+        "along": probe.document(),
+        "wanted_mm": arguments.wanted_mm(),
+        "seed": arguments.seed,
+        "table": arguments.output,
+        "patterns": found.iter().enumerate().map(of_one).collect::<Vec<_>>(),
+    })
+}

@@ -1,0 +1,142 @@
+//! The scene and the pattern of one device.
+
+use deaflow_base::{Decimal, Length, Stress, words};
+use deaflow_scene::{Distribution, Scene, Spread, Tolerances};
+
+use crate::error::ToleranceError;
+use crate::mask::Offsets;
+
+/// Number of normally distributed deviations of a device.
+pub(crate) const SOURCES: usize = 8;
+
+words! {
+    /// A cause of differences between devices.
+    pub enum Source {
+        /// The voltage.
+        Voltage = "voltage",
+        /// The shear modulus.
+        ShearModulus = "shear_modulus",
+        /// The thickness.
+        Thickness = "thickness",
+        /// The permittivity.
+        Permittivity = "permittivity",
+        /// The prestretch.
+        Prestretch = "prestretch",
+        /// The width of electrodes.
+        Mask = "mask",
+        /// Where the upper electrode lies, along x.
+        MisregistrationX = "misregistration_x",
+        /// The same along y.
+        MisregistrationY = "misregistration_y",
+    }
+}
+
+impl Source {
+    /// Returns its name in a sentence.
+    #[must_use]
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Voltage => "voltage",
+            Self::ShearModulus => "shear modulus",
+            Self::Thickness => "thickness",
+            Self::Permittivity => "permittivity",
+            Self::Prestretch => "prestretch",
+            Self::Mask => "mask",
+            Self::MisregistrationX => "misregistration along x",
+            Self::MisregistrationY => "misregistration along y",
+        }
+    }
+
+    /// Returns whether devices differ by it.
+    pub(crate) fn varies(self, tolerances: &Tolerances) -> bool {
+        let factor = |spread: &Option<Spread>| spread.as_ref().is_some_and(|spread| spread.0.relative.to_f64() > 0.0);
+        let shift = |axis: usize| {
+            let both = tolerances.misregistration.as_ref();
+            both.is_some_and(|both| both.0[axis].value() > 0.0)
+        };
+        match self {
+            Self::Voltage => factor(&tolerances.voltage),
+            Self::ShearModulus => factor(&tolerances.shear_modulus),
+            Self::Thickness => factor(&tolerances.thickness),
+            Self::Permittivity => factor(&tolerances.permittivity),
+            Self::Prestretch => factor(&tolerances.prestretch),
+            Self::Mask => tolerances.mask.is_some_and(|mask| mask.value() > 0.0),
+            Self::MisregistrationX => shift(0),
+            Self::MisregistrationY => shift(1),
+        }
+    }
+}
+
+/// Returns the factor of a quantity at a deviation.
+fn factor(spread: Option<&Spread>, deviation: f64) -> f64 {
+    let Some(Spread(factor)) = spread else {
+        return 1.0;
+    };
+    let sigma = factor.relative.to_f64();
+    match factor.distribution {
+        Distribution::Normal => 1.0 + sigma * deviation,
+        Distribution::Lognormal => {
+            let variance = (sigma * sigma).ln_1p();
+            (variance.sqrt() * deviation - 0.5 * variance).exp()
+        }
+    }
+}
+
+/// Refuses tolerances that a scene does not allow.
+pub(crate) fn check(scene: &Scene, tolerances: &Tolerances) -> Result<(), ToleranceError> {
+    let refused = |tolerance, with| Err(ToleranceError::Setting { tolerance, with });
+    if scene.drive.charge.is_some() && Source::Voltage.varies(tolerances) {
+        return refused("voltage", "a `charge`");
+    }
+    let law = scene.effects.strain_stiffening.as_ref();
+    if law.is_some_and(|law| law.law().has_moduli()) && Source::ShearModulus.varies(tolerances) {
+        return refused("shear_modulus", "a law that has moduli of its own");
+    }
+    Ok(())
+}
+
+/// Returns the scene of a device; `None` if a number is out of range.
+pub(crate) fn scene(scene: &Scene, tolerances: &Tolerances, deviations: &[f64; SOURCES]) -> Option<Scene> {
+    let [voltage, modulus, thickness, permittivity, prestretch, ..] = *deviations;
+    let varies = |source: Source| source.varies(tolerances);
+    let mut device = scene.clone();
+    if varies(Source::Voltage) {
+        let volts = scene.drive.voltages.in_volts();
+        let largest = volts.into_iter().fold(0.0, f64::max);
+        device = scene.at_voltage(largest * factor(tolerances.voltage.as_ref(), voltage));
+    }
+    if varies(Source::ShearModulus) {
+        let factor = factor(tolerances.shear_modulus.as_ref(), modulus);
+        device.material.shear_modulus = Stress::from_f64(scene.material.shear_modulus.value() * factor)?;
+    }
+    if varies(Source::Permittivity) {
+        let factor = factor(tolerances.permittivity.as_ref(), permittivity);
+        let value = scene.material.relative_permittivity.to_f64() * factor;
+        device.material.relative_permittivity = Decimal::from_f64(value)?;
+    }
+    if varies(Source::Thickness) {
+        let factor = factor(tolerances.thickness.as_ref(), thickness);
+        device.geometry.thickness = Length::from_f64(scene.geometry.thickness.value() * factor)?;
+    }
+    if varies(Source::Prestretch) {
+        let factor = factor(tolerances.prestretch.as_ref(), prestretch);
+        for axis in 0..2 {
+            let value = scene.geometry.prestretch.0[axis].to_f64() * factor;
+            device.geometry.prestretch.0[axis] = Decimal::from_f64(value)?;
+        }
+    }
+    Some(device)
+}
+
+/// Returns how the electrodes of a device differ from those drawn.
+pub(crate) fn offsets(tolerances: &Tolerances, deviations: &[f64; SOURCES]) -> Offsets {
+    let [.., deviation, x, y] = *deviations;
+    let shift = |axis: usize, deviation: f64| {
+        let both = tolerances.misregistration.as_ref();
+        both.map_or(0.0, |both| both.0[axis].value() * deviation)
+    };
+    Offsets {
+        wider_mm: tolerances.mask.map_or(0.0, |mask| mask.value() * deviation),
+        shift_mm: [shift(0, x), shift(1, y)],
+    }
+}

@@ -1,0 +1,197 @@
+//! What samples say: mean, deviation, quantiles, yield and which tolerance matters, each with an interval.
+
+use deaflow_linalg::{Mat, eigen};
+use statrs::distribution::{Binomial, DiscreteCDF};
+
+use crate::device::Source;
+use crate::study::{Device, Failure};
+
+/// The deviation of a normal distribution within which 95 % lie.
+const NORMAL_95: f64 = 1.959_963_984_540_054;
+/// The quantiles that are told.
+const PROBABILITIES: [f64; 3] = [0.05, 0.5, 0.95];
+/// Powers of a deviation that a regression has, from the first.
+const POWERS: usize = 3;
+
+/// A number with its interval of 95 %.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate {
+    /// The number.
+    pub value: f64,
+    /// Its interval; as if the samples were independent, which is too wide for a Sobol' sequence.
+    pub interval: [f64; 2],
+}
+
+/// A displacement that a share of the devices does not reach. Devices that fail count as −∞.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quantile {
+    /// The share.
+    pub probability: f64,
+    /// The displacement in mm, with the order statistics that contain it; −∞ for devices that fail.
+    pub value: Estimate,
+}
+
+/// What the devices of a pattern do.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Yield {
+    /// Number of devices.
+    pub samples: usize,
+    /// Number of devices that have no stable state.
+    pub unstable: usize,
+    /// Number of devices in which electrodes of two groups touch.
+    pub short_circuits: usize,
+    /// The mean displacement in mm of the devices that do not fail; `None` without any.
+    pub mean: Option<Estimate>,
+    /// The standard deviation in mm of these; `None` with fewer than two.
+    pub deviation: Option<Estimate>,
+    /// Quantiles of all devices.
+    pub quantiles: Vec<Quantile>,
+    /// The share of all devices that reach a displacement, if one is wanted.
+    pub reached: Option<Estimate>,
+    /// The share of the variance that each tolerance causes by itself, largest first.
+    pub shares: Vec<(Source, f64)>,
+}
+
+impl Yield {
+    /// Evaluates devices; `wanted` is the displacement that they have to reach, mm.
+    #[must_use]
+    pub fn of(devices: &[Device], varying: &[Source], wanted: Option<f64>) -> Self {
+        let values: Vec<f64> = devices.iter().filter_map(|device| device.value.ok()).collect();
+        let count = |failure: Failure| devices.iter().filter(|device| device.value == Err(failure)).count();
+        let mut sorted: Vec<f64> = devices
+            .iter()
+            .map(|device| device.value.unwrap_or(f64::NEG_INFINITY))
+            .collect();
+        sorted.sort_by(f64::total_cmp);
+        let reached = wanted.map(|wanted| {
+            let number = values.iter().filter(|value| **value >= wanted).count();
+            wilson(number, devices.len())
+        });
+        Self {
+            samples: devices.len(),
+            unstable: count(Failure::Unstable),
+            short_circuits: count(Failure::ShortCircuit),
+            mean: mean(&values),
+            deviation: deviation(&values),
+            quantiles: PROBABILITIES.map(|probability| quantile(&sorted, probability)).to_vec(),
+            reached,
+            shares: shares(devices, varying),
+        }
+    }
+}
+
+fn mean(values: &[f64]) -> Option<Estimate> {
+    let n = values.len() as f64;
+    let value = values.iter().sum::<f64>() / n;
+    let half = deviation(values).map_or(f64::INFINITY, |deviation| NORMAL_95 * deviation.value / n.sqrt());
+    (!values.is_empty()).then_some(Estimate {
+        value,
+        interval: [value - half, value + half],
+    })
+}
+
+/// Returns the standard deviation; its interval is that of a normal distribution of many values.
+fn deviation(values: &[f64]) -> Option<Estimate> {
+    if values.len() < 2 {
+        return None;
+    }
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let value = (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
+    let half = NORMAL_95 * value / (2.0 * (n - 1.0)).sqrt();
+    Some(Estimate {
+        value,
+        interval: [(value - half).max(0.0), value + half],
+    })
+}
+
+/// Returns the interval of a share by Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
+fn wilson(number: usize, samples: usize) -> Estimate {
+    let (k, n) = (number as f64, samples as f64);
+    let squared = NORMAL_95 * NORMAL_95;
+    let share = k / n;
+    let middle = (share + 0.5 * squared / n) / (1.0 + squared / n);
+    let half = NORMAL_95 / (1.0 + squared / n) * (share * (1.0 - share) / n + 0.25 * squared / (n * n)).sqrt();
+    Estimate {
+        value: share,
+        interval: [(middle - half).max(0.0), (middle + half).min(1.0)],
+    }
+}
+
+/// Returns a quantile of sorted values, with the order statistics between which it lies with 95 %: the number of values
+/// below it has a binomial distribution.
+fn quantile(sorted: &[f64], probability: f64) -> Quantile {
+    let n = sorted.len();
+    let ranks = Binomial::new(probability, n as u64).map_or([0, n as u64], |below| {
+        [0.025, 0.975].map(|level| below.inverse_cdf(level))
+    });
+    let at = |rank: f64| {
+        let (low, part) = (rank.floor(), rank.fract());
+        let [first, second] = [low, low + 1.0].map(|index| sorted[(index as usize).min(n - 1)]);
+        // −∞ minus −∞ is no number.
+        if part == 0.0 || first == second {
+            first
+        } else {
+            first + part * (second - first)
+        }
+    };
+    Quantile {
+        probability,
+        value: Estimate {
+            value: at(probability * (n - 1) as f64),
+            interval: [
+                at(ranks[0].saturating_sub(1) as f64),
+                at(ranks[1].min(n as u64 - 1) as f64),
+            ],
+        },
+    }
+}
+
+/// Returns the share of the variance that each deviation explains by itself, by a cubic regression.
+fn shares(devices: &[Device], varying: &[Source]) -> Vec<(Source, f64)> {
+    let known: Vec<(&Device, f64)> = devices
+        .iter()
+        .filter_map(|device| Some((device, device.value.ok()?)))
+        .collect();
+    let values: Vec<f64> = known.iter().map(|(_, value)| *value).collect();
+    let Some(total) = deviation(&values).filter(|total| total.value > 0.0 && known.len() > 2 * POWERS) else {
+        return Vec::new();
+    };
+    let variance = total.value.powi(2) * (known.len() - 1) as f64;
+    let mean = values.iter().sum::<f64>() / known.len() as f64;
+    let share = |source: &Source| {
+        // Centred powers, so that the constant is the mean.
+        let powers: Vec<[f64; POWERS]> = known
+            .iter()
+            .map(|(device, _)| {
+                let deviation = device.deviation(*source);
+                std::array::from_fn(|power| deviation.powi(power as i32 + 1))
+            })
+            .collect();
+        let means: [f64; POWERS] =
+            std::array::from_fn(|power| powers.iter().map(|row| row[power]).sum::<f64>() / known.len() as f64);
+        let centred = |row: &[f64; POWERS], power: usize| row[power] - means[power];
+        let normal = Mat::from_fn(POWERS, POWERS, |i, k| {
+            powers.iter().map(|row| centred(row, i) * centred(row, k)).sum::<f64>()
+        });
+        let right: Vec<f64> = (0..POWERS)
+            .map(|i| {
+                let products = powers.iter().zip(&values);
+                products.map(|(row, value)| centred(row, i) * (value - mean)).sum()
+            })
+            .collect();
+        // The explained sum of squares is rᵀ N⁻¹ r.
+        let found = eigen(&normal)?;
+        let explained: f64 = (0..POWERS)
+            .filter(|mode| found.values[*mode] > 0.0)
+            .map(|mode| {
+                let part: f64 = (0..POWERS).map(|i| found.vectors[(i, mode)] * right[i]).sum();
+                part * part / found.values[mode]
+            })
+            .sum();
+        Some((*source, explained / variance))
+    };
+    let mut all: Vec<(Source, f64)> = varying.iter().filter_map(share).collect();
+    all.sort_by(|a, b| b.1.total_cmp(&a.1));
+    all
+}
