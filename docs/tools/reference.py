@@ -45,7 +45,7 @@ def sentence(schema):
     if whole and schema.get("maximum", 0) < 2**53:
         text += f" {schema['minimum']} to {schema['maximum']}."
     if "const" in schema:
-        text += f" `{schema['const']}`."
+        text += f" `{literal(schema['const'])}`."
     if "enum" in schema:
         text += " " + ", ".join(f"`{word}`" for word in schema["enum"]) + "."
     return text.strip()

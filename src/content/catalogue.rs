@@ -48,7 +48,7 @@ pub fn catalogue() -> Vec<ContentOfKind> {
         ArtifactKind::Audit.name() => Audit,
         ArtifactKind::Table.name() => Table,
         "the file of `deaflow solve` and `deaflow predict`" => SolveFile,
-        "the file of `deaflow solve` under pressure" => Inflations,
+        "the file of `deaflow solve` in space" => Inflations,
         "the file of `deaflow solve --path`" => LoadPaths,
         "the file of `deaflow solve --history`" => Histories,
         "the file of `deaflow solve --modes`" => Vibrations,

@@ -283,5 +283,6 @@ rows! {
     PerCorner<[f64; 3]>, f64, Corners, [3];
     PerBody<f64>, f64, None, [];
     PerBody<[f64; 2]>, f64, None, [2];
+    PerBody<[f64; 3]>, f64, None, [3];
     SingleField, f32, Corners, [2];
 }

@@ -1,13 +1,14 @@
-//! The file of `deaflow solve` with a pressure or a volume. It is not an artifact and may contain NaN.
+//! The file of `deaflow solve` in space: with a pressure or a volume, or bodies that move out of the plane. It is not
+//! an artifact and may contain NaN.
 
-use super::element::{Packed, PerCorner};
+use super::element::{Packed, PerBody, PerCorner};
 use super::macros::arrays;
 use super::samples::{CoveredCells, DrawnElectrodes};
 use deaflow_pattern::Pattern;
 use deaflow_scene::{Effects, Scene};
 
 arrays! {
-    /// Equilibria of patterns under pressure; NaN for a pattern without a stable one.
+    /// Equilibria of patterns in space; NaN for a pattern without a stable one.
     pub struct Inflations, InflationsView {
         /// Electrode patterns, origin lower left, 1 = electrode.
         patterns: Vec<Pattern> = array("patterns", "1", [sample, y, x]),
@@ -23,7 +24,11 @@ arrays! {
         pressure: Vec<f64> = array("pressure", "Pa", [sample]),
         /// Volume between the membrane and its plane.
         volume: Vec<f64> = array("volume", "ml", [sample]),
-        /// The largest share of the pressure or volume of the scene with a stable equilibrium; 1 where it converged.
+        /// Displacement of the centroid of each rigid body, along x, y and out of the plane.
+        body_translation: Option<Packed<PerBody<[f64; 3]>>> = array("body_translation", "mm", [sample, body, xyz]),
+        /// Rotation of each rigid body in the plane, from -180 to 180, counterclockwise.
+        body_rotation: Option<Packed<PerBody<f64>>> = array("body_rotation", "deg", [sample, body]),
+        /// The largest share of the loads of the scene with a stable equilibrium; 1 where it converged.
         last_stable: Vec<f64> = array("last_stable", "1", [sample]),
         /// The smallest share at which none was found; NaN where it converged.
         first_unstable: Vec<f64> = array("first_unstable", "1", [sample]),

@@ -353,8 +353,8 @@ impl Correction {
             for k in 0..3 {
                 right[3 * body + k] = force[k] + own[k];
             }
-            for k in 0..2 {
-                matrix[(3 * body + k, 3 * body + k)] += bodies[body].mount.spring;
+            for (k, rate) in bodies[body].mount.spring.into_iter().enumerate() {
+                matrix[(3 * body + k, 3 * body + k)] += rate;
             }
             for at in (0..3)
                 .filter(|at| !bodies[body].mount.moves[*at])

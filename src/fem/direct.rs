@@ -65,7 +65,8 @@ impl Structure {
         if let Some(supports) = &self.unknowns.supports {
             for (body, curvature) in supports.bodies().iter().zip(operator.curvatures(u)) {
                 // A motion that the body does not make keeps a pivot of its own.
-                let own = [body.mount.spring, body.mount.spring, curvature];
+                let [along, across] = body.mount.spring;
+                let own = [along, across, curvature];
                 entries.extend((0..3).map(|at| if body.mount.moves[at] { own[at] } else { 1.0 }));
             }
         }

@@ -1,6 +1,7 @@
 //! Errors of setting up a simulation.
 
 use super::fitted::FitFault;
+use deaflow_scene::Scene;
 
 /// An error of setting up a simulation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -170,6 +171,15 @@ pub enum SetupError {
     /// A pressure where only motion in the plane is simulated.
     #[error("a pressure or volume is simulated by `deaflow solve` alone: remove `loads`")]
     UnderPressure,
+    /// Bodies that move out of the plane with an incompatible setting.
+    #[error("bodies that move out of the plane are not simulated with {with}")]
+    Lifted {
+        /// The incompatible setting.
+        with: &'static str,
+    },
+    /// Bodies that move out of the plane where only motion in the plane is simulated.
+    #[error("a `load` or `spring` of three numbers is simulated by `deaflow solve` alone: give two numbers")]
+    InSpace,
     /// A pressure is needed.
     #[error("the scene has no pressure and no volume: add `loads: {{ pressure: 500 Pa }}`")]
     NoPressure,
@@ -222,6 +232,25 @@ pub enum SetupError {
 }
 
 impl SetupError {
+    /// Returns why only `deaflow solve` simulates a scene; `None` for one in the plane.
+    #[must_use]
+    pub fn in_space(scene: &Scene) -> Option<Self> {
+        match scene.is_in_space() {
+            true if scene.loads.is_some() => Some(Self::UnderPressure),
+            true => Some(Self::InSpace),
+            false => None,
+        }
+    }
+
+    /// Returns that a scene in space is not simulated with a setting.
+    #[must_use]
+    pub fn not_in_space(scene: &Scene, with: &'static str) -> Self {
+        match scene.loads {
+            Some(_) => Self::Pressure { with },
+            None => Self::Lifted { with },
+        }
+    }
+
     /// Returns whether only another scene or request helps.
     #[must_use]
     pub fn is_of_the_scene(&self) -> bool {
@@ -249,6 +278,8 @@ impl SetupError {
                 | Self::ChargedPath
                 | Self::Pressure { .. }
                 | Self::UnderPressure
+                | Self::Lifted { .. }
+                | Self::InSpace
                 | Self::NoPressure
         )
     }

@@ -246,6 +246,16 @@ impl Grid {
         self.supports.clone()
     }
 
+    /// Returns the grid for displacements out of the plane, in which bodies translate alone, on springs of these rates.
+    #[must_use]
+    pub fn levelled(&self, springs: &[f64]) -> Self {
+        let supports = self.supports().map(|supports| Arc::new(supports.levelled(springs)));
+        Self {
+            supports,
+            ..self.clone()
+        }
+    }
+
     /// Projects a vector onto the admissible changes of a displacement.
     pub fn restrict<T: Real>(&self, u: &[T], vector: &mut [T]) {
         self.restrict_at(&self.poses(u), vector);

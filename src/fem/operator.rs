@@ -12,7 +12,7 @@ use super::material::{Material, MaterialPrecision, Passes};
 use super::memory;
 pub use super::precision::Precision;
 use super::registers::dispatch;
-use super::rigid::{Pose, Rigid};
+use super::rigid::Pose;
 use super::supports::Supports;
 
 /// The discrete equilibrium of a pattern with a material.
@@ -73,24 +73,9 @@ impl<L: Material> Operator<'_, L> {
     pub fn residual(&self, u: &[f64], out: &mut [f64]) -> f64 {
         let smallest = self.forces(u, out);
         if let Some(supports) = self.activity.grid().supports() {
-            self.apply_supports(supports, &supports.poses(u), out);
+            supports.restrict_forces(&supports.poses(u), self.body_load, out);
         }
         smallest
-    }
-
-    /// Projects nodal forces onto those of frames and bodies at the given poses, and adds loads and springs.
-    fn apply_supports(&self, supports: &Supports, poses: &[Pose], out: &mut [f64]) {
-        let bodies = supports.bodies();
-        supports.restrict_with(poses, out, |body, [x, y, moment]| {
-            let (mount, [p, q]) = (bodies[body].mount, poses[body].translation);
-            let (load, spring) = (mount.load.map(|load| self.body_load * load), mount.spring);
-            let [a, b] = poses[body].swept(mount.arm);
-            [
-                x + spring * p - load[0],
-                y + spring * q - load[1],
-                moment - (a * load[0] + b * load[1]),
-            ]
-        });
     }
 
     /// Writes the residual of the undisplaced membrane into `out`; `rest` is zero everywhere.
@@ -160,7 +145,7 @@ impl<L: Material> Operator<'_, L> {
             self.add_forces_of_sides(&between, out);
         }
         if let Some(supports) = self.activity.grid().supports() {
-            self.apply_supports(supports, poses, out);
+            supports.restrict_forces(poses, self.body_load, out);
         }
     }
 
@@ -226,13 +211,7 @@ impl<L: Material> Operator<'_, L> {
         let u: Vec<f64> = u.iter().map(|value| value.to_f64()).collect();
         let mut forces = vec![0.0; u.len()];
         self.forces(&u, &mut forces);
-        let each = supports.bodies().iter().zip(supports.poses(&u));
-        let of_body = |(body, pose): (&Rigid, Pose)| {
-            let [x, y] = pose.turned(body.mount.arm);
-            let [p, q] = body.mount.load.map(|load| self.body_load * load);
-            body.nodes.curvature(&pose, &forces) + x * p + y * q
-        };
-        each.map(of_body).collect()
+        supports.curvatures(&supports.poses(&u), self.body_load, &forces)
     }
 
     /// Projects the tangent product of `du` onto forces of frames and bodies, and adds springs and the curvature of
@@ -241,18 +220,7 @@ impl<L: Material> Operator<'_, L> {
         let Some(supports) = self.activity.grid().supports() else {
             return;
         };
-        let poses = supports.poses(u);
-        let each = supports.bodies().iter().zip(&poses).zip(curvatures);
-        let own: Vec<[f64; 3]> = each
-            .map(|((body, pose), curvature)| {
-                let [p, q, turn] = body.motion(pose, body.nodes.force(pose, du));
-                let spring = body.mount.spring;
-                [spring * p, spring * q, curvature * turn]
-            })
-            .collect();
-        supports.restrict_with(&poses, out, |body, force| {
-            std::array::from_fn(|at| force[at] + own[body][at])
-        });
+        supports.restrict_product(&supports.poses(u), curvatures, du, out);
     }
 
     /// Writes the moduli for [`Operator::tangent_at`] at `u`, and the curvatures of bodies. There are no moduli at rest

@@ -14,8 +14,8 @@ pub struct Mount {
     pub load: [f64; 2],
     /// Place of the force in mm from the centroid; it turns with the body.
     pub arm: [f64; 2],
-    /// Stiffness of a spring on its centroid over μH.
-    pub spring: f64,
+    /// Stiffness of a spring on its centroid over μH, along x and y.
+    pub spring: [f64; 2],
     /// Whether it moves along x, along y, and turns.
     pub moves: [bool; 3],
     /// A given translation in mm.
@@ -29,7 +29,7 @@ impl Mount {
     pub const FREE: Self = Self {
         load: [0.0; 2],
         arm: [0.0; 2],
-        spring: 0.0,
+        spring: [0.0; 2],
         moves: [true; 3],
         given: [0.0; 2],
         mass: 0.0,
@@ -48,11 +48,14 @@ impl Mount {
         }
     }
 
-    /// Returns the energy of the load and the spring at a translation and a turned arm, with a share of the load.
+    /// Returns the energy of the load and the springs at a translation and a turned arm, with a share of the load.
     #[must_use]
     pub fn energy(&self, [x, y]: [f64; 2], moved_arm: [f64; 2], share: f64) -> f64 {
         let [a, b] = [0, 1].map(|c| moved_arm[c] - self.arm[c]);
-        0.5 * self.spring * (x * x + y * y) - share * (self.load[0] * (x + a) + self.load[1] * (y + b))
+        let [along, across] = self.spring;
+        // Exactly that of a single rate, if both are equal.
+        let spring = 0.5 * along * (x * x + y * y) + 0.5 * (across - along) * y * y;
+        spring - share * (self.load[0] * (x + a) + self.load[1] * (y + b))
     }
 }
 
@@ -131,8 +134,31 @@ fn mounts(scene: &Scene) -> Vec<Mount> {
     let stiffness = stiffness_n_per_m(scene);
     let bodies = scene.geometry.bodies.iter().flatten().map(|body| Mount {
         load: body.load_n().map(|force| 1e3 * force / stiffness),
-        spring: body.spring_n_per_m() / stiffness,
+        spring: body.spring_n_per_m().map(|rate| rate / stiffness),
         ..Mount::FREE
+    });
+    bodies.collect()
+}
+
+/// What acts on a body out of the plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lift {
+    /// Dead force over μH in units of length.
+    pub load: f64,
+    /// Stiffness of a spring over μH.
+    pub spring: f64,
+}
+
+/// Returns what acts out of the plane on the bodies of a scene, with lengths in a unit.
+#[must_use]
+pub fn lifts(scene: &Scene, unit_mm: f64) -> Vec<Lift> {
+    let stiffness = stiffness_n_per_m(scene);
+    let bodies = scene.geometry.bodies.iter().flatten().map(|body| {
+        let [.., spring] = body.springs_n_per_m();
+        Lift {
+            load: 1e3 * body.lift_n() / stiffness / unit_mm,
+            spring: spring / stiffness,
+        }
     });
     bodies.collect()
 }
@@ -149,7 +175,7 @@ fn sides(scene: &Scene) -> Option<SheetSides> {
         Some(Mount {
             load: bar.load_n().map(|force| 1e3 * force / stiffness),
             arm,
-            spring: bar.spring_n_per_m() / stiffness,
+            spring: [bar.spring_n_per_m() / stiffness; 2],
             moves: bar.moves(),
             given: bar.displacement_mm().unwrap_or_default(),
             mass: bar.mass_kg() / mass_per_area,

@@ -220,6 +220,61 @@ impl Supports {
         }
     }
 
+    /// Projects nodal forces onto those of frames and bodies, and adds springs and a share of the loads.
+    pub fn restrict_forces<T: Real>(&self, poses: &[Pose], share: f64, forces: &mut [T]) {
+        self.restrict_with(poses, forces, |body, [x, y, moment]| {
+            let (mount, [p, q]) = (self.bodies[body].mount, poses[body].translation);
+            let (load, spring) = (mount.load.map(|load| share * load), mount.spring);
+            let [a, b] = poses[body].swept(mount.arm);
+            [
+                x + spring[0] * p - load[0],
+                y + spring[1] * q - load[1],
+                moment - (a * load[0] + b * load[1]),
+            ]
+        });
+    }
+
+    /// Returns the curvature of the rotation of each body, from the forces of all elements and a share of the loads.
+    #[must_use]
+    pub fn curvatures(&self, poses: &[Pose], share: f64, forces: &[f64]) -> Vec<f64> {
+        let of_body = |(body, pose): (&Rigid, &Pose)| {
+            let [x, y] = pose.turned(body.mount.arm);
+            let [p, q] = body.mount.load.map(|load| share * load);
+            body.nodes.curvature(pose, forces) + x * p + y * q
+        };
+        self.bodies.iter().zip(poses).map(of_body).collect()
+    }
+
+    /// Projects the tangent product of `du` onto forces of frames and bodies, and adds springs and the curvatures of
+    /// rotations.
+    pub fn restrict_product<T: Real>(&self, poses: &[Pose], curvatures: &[f64], du: &[T], product: &mut [T]) {
+        let each = self.bodies.iter().zip(poses).zip(curvatures);
+        let own: Vec<[f64; 3]> = each
+            .map(|((body, pose), curvature)| {
+                let [p, q, turn] = body.motion(pose, body.nodes.force(pose, du));
+                let [along, across] = body.mount.spring;
+                [along * p, across * q, curvature * turn]
+            })
+            .collect();
+        self.restrict_with(poses, product, |body, force| {
+            std::array::from_fn(|at| force[at] + own[body][at])
+        });
+    }
+
+    /// Returns the supports of heights: bodies translate alone, on springs of these rates.
+    #[must_use]
+    pub fn levelled(&self, springs: &[f64]) -> Self {
+        let mut levelled = self.clone();
+        for (body, spring) in levelled.bodies.iter_mut().zip(springs) {
+            body.mount = Mount {
+                spring: [*spring; 2],
+                moves: [true, true, false],
+                ..Mount::FREE
+            };
+        }
+        levelled
+    }
+
     /// Brings admissible forces in balance along the motions of the whole that nothing resists.
     pub fn balance<T: Real>(&self, poses: &[Pose], forces: &mut [T]) {
         if let Some(gauge) = &self.gauge {

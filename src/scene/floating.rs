@@ -31,7 +31,8 @@ pub(super) struct LoadedBody {
     pub centroid: [f64; 2],
     /// In N along x and y.
     pub load: [f64; 2],
-    pub has_spring: bool,
+    /// Whether a spring acts along x, and along y.
+    pub is_sprung: [bool; 2],
 }
 
 const TURNS: &str = "nothing keeps the membrane from turning";
@@ -114,10 +115,11 @@ impl Floating {
 
 /// Returns what sides, bars and springs hold, and whether they keep the membrane from turning.
 fn holds(sides: &Sides, size: [f64; 2], bodies: &[LoadedBody]) -> (Vec<Hold>, bool) {
-    let sprung = bodies.iter().enumerate().filter(|(_, body)| body.has_spring);
-    let mut holds: Vec<Hold> = sprung
+    let each = bodies.iter().enumerate();
+    let mut holds: Vec<Hold> = each
         .flat_map(|(number, body)| {
-            [0, 1].map(|axis| Hold {
+            let sprung = (0..2).filter(|axis| body.is_sprung[*axis]);
+            sprung.map(move |axis| Hold {
                 axis,
                 at: body.centroid,
                 pivot: Pivot::Body(number),

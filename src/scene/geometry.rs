@@ -3,12 +3,13 @@
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
+use super::components::{Components, Springs, Untilted};
 use super::floating::{Floating, LoadedBody};
 use super::shape::Shape;
 use super::sides::Sides;
 use deaflow_base::{
-    Canonical, Decimal, Fields, Force, InputError, Length, Map, Node, NodeValue, Parameter, Schema, SpringRate,
-    four_digits, parameters, words,
+    Canonical, Decimal, Fields, Force, InputError, Length, Map, Node, NodeValue, Parameter, Schema, four_digits,
+    parameters, words,
 };
 use deaflow_pattern::{Bits, Borders, Electrodes, Membrane, Part, Parts, PartsError, Polygons, Raster};
 
@@ -107,12 +108,16 @@ fn opening_or_held(fields: Fields) -> Fields {
 
 parameters! {
     /// A rigid body, which translates and rotates: one of the shapes, with a load and a spring. A cell belongs to it if
-    /// its centre lies in it.
+    /// its centre lies in it. With three numbers in `load` or `spring`, and under pressure, it moves out of the plane,
+    /// too.
     pub struct Body as "a body" {
-        /// The force on the centroid along x and y.
-        pub load: Option<[Force; 2]> [-STRONGEST..=STRONGEST],
-        /// A spring between the centroid and its initial position.
-        pub spring: Option<SpringRate> [0.0..=STRONGEST],
+        /// The force on the centroid along x and y, or along x, y and out of the plane.
+        pub load: Option<Components<Force>> [-STRONGEST..=STRONGEST],
+        /// A spring between the centroid and its initial position: its rate in all directions, or a rate along x and
+        /// along y, and out of the plane.
+        pub spring: Option<Springs> [0.0..=STRONGEST],
+        /// Whether the body tilts out of the plane.
+        pub tilt: Option<Untilted>,
         /// What elements follow: the border of the shape, or of cells whose centre lies in it, if not given.
         pub curves: Option<Curves>,
     }
@@ -135,16 +140,48 @@ impl Frame {
 }
 
 impl Body {
-    /// Returns the force on the centroid in N.
+    /// Returns the force on the centroid along x and y in N.
     #[must_use]
     pub fn load_n(&self) -> [f64; 2] {
-        self.load.map_or([0.0; 2], |load| load.map(|force| force.value()))
+        let load = self.load.as_ref().map(Components::in_plane);
+        load.map_or([0.0; 2], |load| load.map(|force| force.value()))
     }
 
-    /// Returns the spring rate in N/m.
+    /// Returns the force out of the plane in N.
     #[must_use]
-    pub fn spring_n_per_m(&self) -> f64 {
-        self.spring.map_or(0.0, |spring| spring.value())
+    pub fn lift_n(&self) -> f64 {
+        let load = self.load.as_ref().and_then(Components::height);
+        load.map_or(0.0, |force| force.value())
+    }
+
+    /// Returns the spring rates along x, y and out of the plane in N/m.
+    #[must_use]
+    pub fn springs_n_per_m(&self) -> [f64; 3] {
+        self.spring.as_ref().map_or([0.0; 3], Springs::n_per_m)
+    }
+
+    /// Returns the spring rates along x and y in N/m.
+    #[must_use]
+    pub fn spring_n_per_m(&self) -> [f64; 2] {
+        let [x, y, _] = self.springs_n_per_m();
+        [x, y]
+    }
+
+    /// Returns whether a force or a spring out of the plane is given.
+    #[must_use]
+    pub fn is_in_space(&self) -> bool {
+        let has_lift = self.load.as_ref().is_some_and(|load| load.height().is_some());
+        has_lift || self.spring.as_ref().is_some_and(Springs::is_in_space)
+    }
+
+    /// Returns the body without forces and springs out of the plane.
+    #[must_use]
+    pub fn in_plane(&self) -> Self {
+        Self {
+            load: self.load.as_ref().map(Components::without_height),
+            spring: self.spring.as_ref().map(Springs::without_height),
+            ..self.clone()
+        }
     }
 }
 
@@ -314,6 +351,22 @@ impl Geometry {
         }
     }
 
+    /// Returns whether a body has a force or a spring out of the plane.
+    #[must_use]
+    pub fn has_bodies_in_space(&self) -> bool {
+        self.bodies.iter().flatten().any(Body::is_in_space)
+    }
+
+    /// Returns the geometry without forces and springs out of the plane.
+    #[must_use]
+    pub(super) fn in_plane(&self) -> Self {
+        let bodies = self.bodies.as_ref();
+        Self {
+            bodies: bodies.map(|bodies| bodies.iter().map(Body::in_plane).collect()),
+            ..self.clone()
+        }
+    }
+
     /// Returns the membrane, on which patterns are drawn.
     ///
     /// # Panics
@@ -362,7 +415,7 @@ impl Geometry {
         let body = |body: &Body| LoadedBody {
             centroid: body.shape.region().polygons(membrane).centroid().unwrap_or_default(),
             load: body.load_n(),
-            has_spring: body.spring_n_per_m() > 0.0,
+            is_sprung: body.spring_n_per_m().map(|rate| rate > 0.0),
         };
         let bodies: Vec<LoadedBody> = self.bodies.iter().flatten().map(body).collect();
         Floating::of(sides, membrane.size_mm, &bodies)

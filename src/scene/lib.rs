@@ -3,6 +3,7 @@
 
 mod canonical;
 mod charge;
+mod components;
 mod difference;
 mod drawing;
 mod drive;
@@ -26,6 +27,7 @@ mod tolerances;
 mod waveform;
 
 pub use charge::Charge;
+pub use components::{Components, Springs, Untilted};
 pub use difference::Difference;
 pub use drawing::{Drawing, Placement, Text};
 pub use drive::{Drive, MOST_STATES, State, States, UnknownState, Voltages};

@@ -50,11 +50,22 @@ impl Scene {
         pressure.or_else(|| Some(Pressurised::Volume(loads.volume?.value())))
     }
 
-    /// Returns the scene without pressure and volume.
+    /// Returns whether something moves the membrane out of its plane: a pressure, a volume, or a force or spring out of
+    /// the plane on a body.
     #[must_use]
-    pub fn without_pressure(&self) -> Self {
+    pub fn is_in_space(&self) -> bool {
+        self.loads.is_some() || self.geometry.has_bodies_in_space()
+    }
+
+    /// Returns the scene without what moves the membrane out of its plane.
+    #[must_use]
+    pub fn in_plane(&self) -> Self {
+        if !self.is_in_space() {
+            return self.clone();
+        }
         Self {
             loads: None,
+            geometry: self.geometry.in_plane(),
             ..self.clone()
         }
     }

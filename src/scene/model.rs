@@ -295,7 +295,10 @@ impl Scene {
         };
         parts.symmetries(group, |g, from, to| {
             let (from, to) = (bodies[from], bodies[to]);
-            g.apply_vector(from.load_n()) == to.load_n() && from.spring_n_per_m() == to.spring_n_per_m()
+            let is_loaded_so = g.apply_vector(from.load_n()) == to.load_n() && from.lift_n() == to.lift_n();
+            let [x, y, height] = from.springs_n_per_m();
+            let [x, y] = g.apply_vector([x, y]).map(f64::abs);
+            is_loaded_so && [x, y, height] == to.springs_n_per_m()
         })
     }
 

@@ -76,6 +76,56 @@ fn equal_geometries_have_one_canonical_form() {
     }
 }
 
+#[test]
+fn bodies_with_three_numbers_move_in_space() {
+    let with = |body: &str, rest: &str| {
+        Scene::from_text(&format!(
+            "{{ geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50, bodies: [{{ disc: {{ centre: [25 \
+             mm, 25 mm], radius: 5 mm }}{body} }}] }}, material: {{ model: neo-hookean, shear_modulus: 45 kPa, \
+             relative_permittivity: 4.7 }}, drive: {{ voltage: 5.25 kV }}{rest} }}"
+        ))
+    };
+    let of = |body: &str| with(body, "").unwrap();
+    for (body, load, lift, springs, is_in_space) in [
+        ("", [0.0; 2], 0.0, [0.0; 3], false),
+        (", load: [1 N, 2 N], spring: 3 N/m", [1.0, 2.0], 0.0, [3.0; 3], false),
+        (", spring: [3 N/m, 4 N/m]", [0.0; 2], 0.0, [3.0, 4.0, 0.0], false),
+        (", load: [1 N, 2 N, 0 N]", [1.0, 2.0], 0.0, [0.0; 3], true),
+        (", load: [0 N, 2 N, -3 N]", [0.0, 2.0], -3.0, [0.0; 3], true),
+        (
+            ", spring: [0 N/m, 0 N/m, 40 N/m]",
+            [0.0; 2],
+            0.0,
+            [0.0, 0.0, 40.0],
+            true,
+        ),
+    ] {
+        let scene = of(body);
+        assert_eq!(Scene::from_text(&scene.to_text()).unwrap(), scene);
+        let one = &scene.geometry.bodies.as_ref().unwrap()[0];
+        assert_eq!(
+            (one.load_n(), one.lift_n(), one.springs_n_per_m()),
+            (load, lift, springs)
+        );
+        assert_eq!(scene.is_in_space(), is_in_space, "{body}");
+        let flat = scene.in_plane();
+        assert!(!flat.is_in_space() && (flat == scene) != is_in_space);
+        assert_eq!(flat.geometry.bodies.unwrap()[0].load_n(), load);
+    }
+    // What is written by default is the same scene.
+    assert_eq!(of(", tilt: false").canonical(), of("").canonical());
+    assert!(with("", ", loads: { pressure: 1 Pa }").unwrap().is_in_space());
+    for (body, says) in [
+        (", load: [1 N]", "two or three values"),
+        (", load: [1 N, 1 N, 1 N, 1 N]", "two or three values"),
+        (", spring: [1 N/m, -1 N/m]", "out of range"),
+        (", tilt: true", "tilt"),
+    ] {
+        let refused = with(body, "").unwrap_err().to_string();
+        assert!(refused.contains(says), "{body}: {refused}");
+    }
+}
+
 fn read(effects: &str, properties: &str) -> Result<Scene, InputError> {
     let text = format!(
         "geometry: {{ side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 50 }}\n\

@@ -40,7 +40,7 @@ pub fn read(node: &Node) -> Result<Scene, InputError> {
     if scene.auto {
         effects.strain_stiffening = scene.properties.strain_stiffening.clone();
     }
-    let decided = scene.with_effects(effects).without_pressure();
+    let decided = scene.with_effects(effects).in_plane();
     let states = decided.in_states();
     match states.iter().find_map(|(_, scene)| Model::new(scene).err()) {
         None => Ok(scene),
@@ -60,12 +60,16 @@ pub fn read_all_states(stage: &Node, scene: Option<&Node>) -> Result<Scene, Inpu
     };
     let node = scene.ok_or_else(missing)?;
     let read = read(node)?;
-    match read.pressurised() {
+    match SetupError::in_space(&read) {
         None => Ok(read),
-        Some(_) => Err(node
-            .peek("loads")
-            .unwrap_or(node)
-            .error(SetupError::UnderPressure.to_string())),
+        Some(error) => {
+            let bodies = || node.peek("geometry")?.peek("bodies");
+            Err(node
+                .peek("loads")
+                .or_else(bodies)
+                .unwrap_or(node)
+                .error(error.to_string()))
+        }
     }
 }
 

@@ -78,12 +78,16 @@ fn what_is_not_simulated_under_pressure_is_refused() {
     let workspace = workspace();
     let pressure = "loads={ pressure: 500 Pa }";
     let free = "geometry.sides={ right: roller }";
-    let body = "geometry.bodies=[{ disc: { centre: [25 mm, 25 mm], radius: 6 mm } }]";
-    let refused: [(&[&str], &str); 8] = [
+    let body = "geometry.bodies=[{ disc: { centre: [25 mm, 25 mm], radius: 6 mm }, load: [0 N, 0 N, 0.2 N] }]";
+    let two = "give two numbers";
+    let refused: [(&[&str], &str); 11] = [
         (&["--set", pressure, "--modes", "2"], "with `--modes`"),
         (&["--set", pressure, "--path"], "with `--path`"),
         (&["--set", pressure, "--set", free], "`sides` that are not held"),
-        (&["--set", pressure, "--set", body], "`bodies`"),
+        (&["--set", body, "--modes", "2"], two),
+        (&["--set", body, "--path"], two),
+        (&["--set", body, "--set", free], "`sides` that are not held"),
+        (&["--set", body, "--cells"], "bodies that move out of the plane"),
         (&["--set", pressure, "--cells"], "--cells"),
         (&["--set", pressure, "--point", "25,25"], "--point"),
         (
@@ -97,15 +101,73 @@ fn what_is_not_simulated_under_pressure_is_refused() {
         assert_eq!(ended.code, Some(2), "{more:?}: {}", ended.stderr);
         assert!(ended.stderr.contains(why), "{more:?}: {}", ended.stderr);
     }
-    let pipeline = format!(
-        "version: 1\nname: blown\nscene: {{ {}, loads: {{ pressure: 1 kPa }} }}\nstages:\n  small: {{ kind: \
-         sample, family: small-grid, count: 2, seed: 1 }}\n  solved: {{ kind: solve, needs: [small] }}\n",
-        SCENE.trim_end().replace('\n', ", ")
+    let bodies = body.trim_start_matches("geometry.");
+    let hub = SCENE.replace("cells: 10", &format!("cells: 10, {}", bodies.replacen('=', ": ", 1)));
+    for (scene, why) in [
+        (format!("{SCENE}loads: {{ pressure: 1 kPa }}"), "remove `loads`"),
+        (hub, two),
+    ] {
+        let pipeline = format!(
+            "version: 1\nname: blown\nscene: {{ {} }}\nstages:\n  small: {{ kind: sample, family: small-grid, count: \
+             2, seed: 1 }}\n  solved: {{ kind: solve, needs: [small] }}\n",
+            scene.trim_end().replace('\n', ", ")
+        );
+        workspace.write("blown.yaml", &pipeline);
+        let ended = workspace.run(&["plan", "blown.yaml"]);
+        assert_eq!(ended.code, Some(2), "{}", ended.stderr);
+        assert!(ended.stderr.contains(why), "{}", ended.stderr);
+    }
+}
+
+#[test]
+fn a_hub_that_is_pulled_out_of_the_plane_has_a_translation_in_space() {
+    let workspace = workspace();
+    let body = "geometry.bodies=[{ rectangle: [[20 mm, 20 mm], [30 mm, 30 mm]], load: [0 N, 0 N, 0.2 N] }]";
+    let more = [
+        "--set",
+        body,
+        "--set",
+        "geometry.cells=50",
+        "--set",
+        "drive.voltage=5.25 kV",
+    ];
+    let half: String = (0..50)
+        .map(|_| [["1"; 25], ["0"; 25]].concat().join(",") + "\n")
+        .collect();
+    workspace.write("half.csv", &half);
+    let coarse = ["--order", "1", "--json"];
+    let first = [
+        "solve",
+        "scene.yaml",
+        "half.csv",
+        "-o",
+        "out.h5",
+        "--elements-per-cell",
+        "1",
+    ];
+    let ended = workspace.run(&[&first[..], &coarse, &more].concat());
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let found = ended.json()["equilibria"][0].clone();
+    let translation = found["body_translation_mm"][0].as_array().unwrap().iter().map(number);
+    for (found, known) in translation.zip([1.59534, 0.0, 1.22249]) {
+        assert!((found - known).abs() < 1e-5, "{found} {known}");
+    }
+    assert!(number(&found["body_rotation_deg"][0]).abs() < 1e-6);
+    assert_eq!(found["pressure_pa"], 0.0);
+    let ended = workspace.run(&[&first[..], &["--order", "1"], &more].concat());
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    for text in ["body", "1.595 mm", "1.222 mm"] {
+        assert!(ended.stdout.contains(text), "{}", ended.stdout);
+    }
+    // Pulled apart: there is no motion to list.
+    let far = "geometry.bodies.0.load=[0 N, 0 N, 100 N]";
+    let ended = workspace.run(&[&first[..], &["--order", "1"], &more, &["--set", far]].concat());
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    assert!(
+        ended.stdout.contains("limit-point") && !ended.stdout.contains("body"),
+        "{}",
+        ended.stdout
     );
-    workspace.write("blown.yaml", &pipeline);
-    let ended = workspace.run(&["plan", "blown.yaml"]);
-    assert_eq!(ended.code, Some(2), "{}", ended.stderr);
-    assert!(ended.stderr.contains("remove `loads`"), "{}", ended.stderr);
 }
 
 #[test]

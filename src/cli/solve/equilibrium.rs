@@ -57,7 +57,7 @@ const FORM: Form = Form {
 /// When the scene or a pattern cannot be used, or the file cannot be written.
 pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliError> {
     let simulation = Simulation::read(arguments, &FORM)?;
-    if simulation.scene.pressurised().is_some() {
+    if simulation.scene.is_in_space() {
         return inflation::execute(simulation, output);
     }
     let scene = &simulation.scene;

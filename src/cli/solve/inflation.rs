@@ -1,4 +1,5 @@
-//! `deaflow solve` of a scene with a pressure or a volume: equilibria out of the plane.
+//! `deaflow solve` of a scene with a pressure or a volume, or with bodies that move out of the plane: equilibria in
+//! space.
 
 use serde_json::{Value, json};
 
@@ -10,24 +11,25 @@ use crate::{CliError, Exit, Output, table};
 use deaflow_base::four_digits;
 use deaflow_content::{CoveredCells, DrawnElectrodes, Inflations, Packed};
 use deaflow_fem::screening::resolve;
-use deaflow_fem::{Inflated, InflationOutcome, InflationSolver, MeshRequest, Method, SetupError};
+use deaflow_fem::{Inflated, InflationOutcome, InflationSolver, MeshRequest, Method, SetupError, SpatialMotion};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
 /// The share of compressed membrane above which a warning names it.
 const COMPRESSED: f64 = 0.005;
 
-/// Finds the equilibria of patterns under pressure.
+/// Finds the equilibria of patterns in space.
 ///
 /// # Errors
 /// When an option, the scene or a pattern cannot be used, or the file cannot be written.
 pub fn execute(simulation: Simulation<'_>, output: &Output) -> Result<Exit, CliError> {
     let arguments = simulation.arguments;
     check(arguments, &simulation)?;
-    let mut flat = resolve(&simulation.scene.without_pressure())?;
+    let mut flat = resolve(&simulation.scene.in_plane())?;
     let left_out = simulation.scene.auto && flat.effects.fringe_field.take().is_some();
     let scene = Scene {
         loads: simulation.scene.loads.clone(),
+        geometry: simulation.scene.geometry.clone(),
         ..flat
     };
     let solver = PatternSolver::new(&scene, |scene| {
@@ -62,10 +64,13 @@ pub fn execute(simulation: Simulation<'_>, output: &Output) -> Result<Exit, CliE
     simulation.finish(result, output)
 }
 
-/// Refuses options and states that are not simulated under pressure.
+/// Refuses options and states that are not simulated in space.
 fn check(arguments: &SolveArguments, simulation: &Simulation<'_>) -> Result<(), CliError> {
-    let refused =
-        |option: &str| Err(CliError::from(SetupError::Pressure { with: "this option" }).help(option.to_owned()));
+    let scene = &simulation.scene;
+    let refused = |option: &str| {
+        let error = SetupError::not_in_space(scene, "this option");
+        Err(CliError::from(error).help(option.to_owned()))
+    };
     if arguments.cells {
         return refused("remove `--cells`");
     }
@@ -78,9 +83,10 @@ fn check(arguments: &SolveArguments, simulation: &Simulation<'_>) -> Result<(), 
     if matches!(arguments.parameters().mesh_request(), MeshRequest::Accuracy(_)) {
         return refused("remove `--accuracy`, and compare two meshes by `--elements-per-cell`");
     }
-    if !simulation.scene.states.is_empty() {
+    if !scene.states.is_empty() {
+        let what = under_pressure_or_in_space(scene);
         return Err(
-            CliError::bad_input("equilibria under pressure are computed for one state of a device")
+            CliError::bad_input(format!("equilibria {what} are computed for one state of a device"))
                 .help("choose a state: --state NAME"),
         );
     }
@@ -88,6 +94,14 @@ fn check(arguments: &SolveArguments, simulation: &Simulation<'_>) -> Result<(), 
         return Err(SetupError::Coverage { with: "`loads`" }.into());
     }
     Ok(())
+}
+
+/// What messages call the simulation of a scene.
+fn under_pressure_or_in_space(scene: &Scene) -> &'static str {
+    match scene.loads {
+        Some(_) => "under pressure",
+        None => "in space",
+    }
 }
 
 fn is_stable(one: &Inflated) -> bool {
@@ -122,14 +136,14 @@ impl Peak {
 }
 
 fn warnings(scene: &Scene, found: &[Inflated], without_fringe: bool) -> Vec<String> {
-    let fringe = without_fringe.then(|| {
-        "`effects: auto` chooses `fringe_field`, which is not simulated under pressure and is left out".to_owned()
-    });
+    let what = under_pressure_or_in_space(scene);
+    let fringe = without_fringe
+        .then(|| format!("`effects: auto` chooses `fringe_field`, which is not simulated {what} and is left out"));
     let breakdown = scene
         .effects
         .dielectric_breakdown
         .as_ref()
-        .map(|_| "under pressure the electric field is not compared with the breakdown field".to_owned());
+        .map(|_| format!("{what} the electric field is not compared with the breakdown field"));
     let wrinkles = scene.effects.wrinkling.is_some();
     let of_one = |(index, one): (usize, &Inflated)| {
         let is_compressed = is_stable(one) && !wrinkles && one.compressed >= COMPRESSED;
@@ -167,6 +181,18 @@ fn content(simulation: &Simulation<'_>, scene: &Scene, found: &[Inflated], solve
         };
         found.iter().map(limit).collect()
     };
+    let has_bodies = scene.geometry.bodies.is_some();
+    let motions = || {
+        let each = |one: &Inflated| -> Vec<SpatialMotion> {
+            let none = SpatialMotion {
+                translation: [f64::NAN; 3],
+                rotation: f64::NAN,
+            };
+            let known = |motion: &SpatialMotion| if is_stable(one) { *motion } else { none };
+            one.bodies.iter().map(known).collect()
+        };
+        found.iter().flat_map(each)
+    };
     Inflations {
         patterns: simulation.patterns.clone(),
         electrodes: DrawnElectrodes::of(&simulation.patterns),
@@ -175,6 +201,8 @@ fn content(simulation: &Simulation<'_>, scene: &Scene, found: &[Inflated], solve
         displacement: Packed(displacement.collect()),
         pressure: known(|one| one.pressure),
         volume: known(|one| one.volume),
+        body_translation: has_bodies.then(|| Packed(motions().flat_map(|motion| motion.translation).collect())),
+        body_rotation: has_bodies.then(|| Packed(motions().map(|motion| motion.rotation).collect())),
         last_stable: limits(0, 1.0),
         first_unstable: limits(1, f64::NAN),
         wrinkled_fraction: known(|one| one.compressed),
@@ -185,6 +213,32 @@ fn content(simulation: &Simulation<'_>, scene: &Scene, found: &[Inflated], solve
         solver: simulation.solver(),
         effects: scene.effects.clone(),
     }
+}
+
+/// The overview, the motions of bodies, and how to go beyond the limit of work.
+fn text(found: &[Inflated], peaks: &[Peak]) -> Text {
+    let mut text = Text::of(overview(found, peaks));
+    if found.iter().any(|one| is_stable(one) && !one.bodies.is_empty()) {
+        text.table(bodies(found));
+    }
+    if found.iter().any(|one| one.outcome == InflationOutcome::WorkLimit) {
+        text.line("work-limit: raise the limit, as in --time-limit \"60 s\"");
+    }
+    text
+}
+
+/// How the bodies of the patterns move.
+fn bodies(found: &[Inflated]) -> table::Table {
+    let header = ["pattern", "body", "along x", "along y", "height", "rotation"];
+    let mut table = table::table(&header, &header[2..]);
+    for (index, one) in found.iter().enumerate().filter(|(_, one)| is_stable(one)) {
+        for (body, motion) in one.bodies.iter().enumerate() {
+            let [x, y, height] = motion.translation.map(|mm| format!("{} mm", four_digits(mm)));
+            let rotation = format!("{} deg", four_digits(motion.rotation));
+            table.add_row([index.to_string(), body.to_string(), x, y, height, rotation]);
+        }
+    }
+    table
 }
 
 fn overview(found: &[Inflated], peaks: &[Peak]) -> table::Table {
@@ -213,15 +267,6 @@ fn overview(found: &[Inflated], peaks: &[Peak]) -> table::Table {
         ]);
     }
     table
-}
-
-/// The overview, and how to go beyond the limit of work.
-fn text(found: &[Inflated], peaks: &[Peak]) -> Text {
-    let mut text = Text::of(overview(found, peaks));
-    if found.iter().any(|one| one.outcome == InflationOutcome::WorkLimit) {
-        text.line("work-limit: raise the limit, as in --time-limit \"60 s\"");
-    }
-    text
 }
 
 /// The outcome for people, with the limit.
@@ -262,5 +307,12 @@ fn document((index, (one, peak)): (usize, (&Inflated, &Peak))) -> Value {
         InflationOutcome::Flat(_) | InflationOutcome::WorkLimit => json!({}),
     };
     extend(&mut document, more);
+    if is_stable(one) && !one.bodies.is_empty() {
+        let motions = one.bodies.iter();
+        let (translations, rotations): (Vec<[f64; 3]>, Vec<f64>) =
+            motions.map(|motion| (motion.translation, motion.rotation)).unzip();
+        let motions = json!({ "body_translation_mm": translations, "body_rotation_deg": rotations });
+        extend(&mut document, motions);
+    }
     document
 }

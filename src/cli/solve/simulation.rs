@@ -125,7 +125,7 @@ impl<'a> Simulation<'a> {
         let notes = of_scene.into_iter().chain(notes).collect();
         check_leads(scene.leads.as_ref(), &patterns)?;
         // Effects are those of the flat membrane.
-        let flat = scene.without_pressure();
+        let flat = scene.in_plane();
         decisions::decide(&flat)?;
         if patterns.iter().any(|pattern| pattern.coverage().is_some()) {
             check_covered_cells(&resolve(&flat)?)?;

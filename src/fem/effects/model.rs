@@ -75,8 +75,8 @@ impl Model {
     /// # Errors
     /// As [`Model::new`].
     pub fn with_law(scene: &Scene, law: Option<&dyn StiffeningLaw>) -> Result<Self, SetupError> {
-        if scene.pressurised().is_some() {
-            return Err(SetupError::UnderPressure);
+        if let Some(error) = SetupError::in_space(scene) {
+            return Err(error);
         }
         let effects = &scene.effects;
         let prestretch = scene.mean_prestretch();

@@ -1,13 +1,18 @@
-//! A membrane under a pressure that follows its surface, or above a given volume of an incompressible fluid.
+//! A membrane under a pressure that follows its surface, or above a given volume of an incompressible fluid, and under
+//! forces out of the plane on bodies.
 //!
-//! From the flat state the pressure, or the volume, is raised by steps, which are halved where no stable state is
-//! found. At a pressure p the potential E − p Vol is minimised by Newton's method with a line search; at a volume the
-//! pressure is the multiplier of the constraint, and each step solves a bordered system. There K + ρ b bᵀ is positive
-//! definite also past the largest pressure, where K is not: the solution of the bordered system is the same for any ρ.
+//! From the flat state the pressure, or the volume, is raised with these forces by steps, which are halved where no
+//! stable state is found. At a pressure p the potential E − p Vol is minimised by Newton's method with a line search; at
+//! a volume the pressure is the multiplier of the constraint, and each step solves a bordered system. There K + ρ b bᵀ
+//! is positive definite also past the largest pressure, where K is not: the solution of the bordered system is the same
+//! for any ρ.
+
+use std::sync::Arc;
 
 use deaflow_base::{Stream, is_interrupted};
 
 use super::flat::OutOfPlane;
+use super::lifted::{Lifted, bodies};
 use super::surface::{Linearised, Surface, Totals};
 use crate::effects::WithMaterial;
 use crate::eigenvalue::{add, dot};
@@ -16,6 +21,8 @@ use crate::material::Material;
 use crate::newton::norm;
 use crate::operator::Activity;
 use crate::precondition::{Laplacian, LaplacianScratch};
+use crate::rigid::Pose;
+use crate::sheet::lifts;
 use crate::solver::{MembraneSolver, SolveOptions};
 use crate::work::WorkLimit;
 use deaflow_field::{Field, Outcome};
@@ -87,12 +94,23 @@ pub struct Inflated {
     pub pressure: f64,
     /// Volume between the membrane and its plane, ml.
     pub volume: f64,
+    /// Motions of the bodies.
+    pub bodies: Vec<SpatialMotion>,
     /// Share of the membrane that is compressed in some direction: a real one wrinkles there.
     pub compressed: f64,
     /// Newton steps, with those of the flat state.
     pub newton_iterations: u32,
     /// Conjugate-gradient iterations, with those of the flat state.
     pub krylov_iterations: u32,
+}
+
+/// The motion of a body in space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpatialMotion {
+    /// Displacement of the centroid along x, y and out of the plane, mm.
+    pub translation: [f64; 3],
+    /// Rotation in the plane in degrees, counterclockwise.
+    pub rotation: f64,
 }
 
 /// What is given.
@@ -106,6 +124,9 @@ enum Given {
 pub struct InflationSolver {
     solver: MembraneSolver,
     heights: OutOfPlane,
+    bodies: Vec<Lifted>,
+    /// The inverse Laplacian for heights.
+    level: Arc<Laplacian>,
     given: Given,
     /// The pressure or the volume, without dimension.
     load: f64,
@@ -114,19 +135,18 @@ pub struct InflationSolver {
 }
 
 impl InflationSolver {
-    /// Creates a solver for a scene with a pressure or a volume.
+    /// Creates a solver for a scene with a pressure or a volume, or with bodies that move out of the plane.
     ///
     /// # Errors
-    /// If the scene has none, has bodies, sides that are not held or effects that are not simulated with it, or an
-    /// option is out of range.
+    /// If the scene has none, has sides that are not held or effects that are not simulated with it, or an option is
+    /// out of range.
     pub fn new(scene: &Scene, options: SolveOptions) -> Result<Self, SetupError> {
-        let pressurised = scene.pressurised().ok_or(SetupError::NoPressure)?;
-        let refused = |with| Err(SetupError::Pressure { with });
+        if !scene.is_in_space() {
+            return Err(SetupError::NoPressure);
+        }
+        let refused = |with| Err(SetupError::not_in_space(scene, with));
         if scene.geometry.sides.is_some() {
             return refused("`sides` that are not held");
-        }
-        if scene.geometry.bodies.iter().flatten().next().is_some() {
-            return refused("`bodies`");
         }
         if scene.drive.charge.is_some() {
             return refused("a `charge`");
@@ -134,7 +154,7 @@ impl InflationSolver {
         if scene.effects.fringe_field.is_some() {
             return refused("`fringe_field`");
         }
-        let solver = MembraneSolver::new(&scene.without_pressure(), options)?;
+        let solver = MembraneSolver::new(&scene.in_plane(), options)?;
         let heights = OutOfPlane::new(&solver.grid).ok_or(SetupError::Memory)?;
         if !heights.moves() {
             return Err(SetupError::NothingMoves);
@@ -144,13 +164,23 @@ impl InflationSolver {
             scene.shear_modulus_pa() * scene.thickness_mm() / unit_mm,
             1e-3 * unit_mm.powi(3),
         ];
-        let (given, load) = match pressurised {
-            Pressurised::Pressure(pascals) => (Given::Pressure, pascals / units[0]),
-            Pressurised::Volume(millilitres) => (Given::Volume, millilitres / units[1]),
+        let (given, load) = match scene.pressurised() {
+            None => (Given::Pressure, 0.0),
+            Some(Pressurised::Pressure(pascals)) => (Given::Pressure, pascals / units[0]),
+            Some(Pressurised::Volume(millilitres)) => (Given::Volume, millilitres / units[1]),
+        };
+        let lifts = lifts(scene, unit_mm);
+        let springs: Vec<f64> = lifts.iter().map(|lift| lift.spring).collect();
+        let bodies = bodies(&solver.grid, &lifts);
+        let level = match bodies.is_empty() {
+            true => Arc::clone(&solver.laplacian),
+            false => Laplacian::shared(&solver.grid.levelled(&springs))?,
         };
         Ok(Self {
             solver,
             heights,
+            bodies,
+            level,
             given,
             load,
             units,
@@ -196,10 +226,25 @@ impl InflationSolver {
             heights: self.solver.grid.sample_heights(height),
             pressure: self.units[0] * found.pressure,
             volume: self.units[1] * found.volume,
+            bodies: self.motions(planar, height),
             compressed: found.compressed,
             newton_iterations: flat.newton_iterations + found.steps,
             krylov_iterations: flat.krylov_iterations + found.iterations,
         }
+    }
+
+    fn motions(&self, planar: &[f64], height: &[f64]) -> Vec<SpatialMotion> {
+        let grid = &self.solver.grid;
+        let in_plane = grid.motions(planar).unwrap_or_default();
+        let each = in_plane.into_iter().zip(&self.bodies);
+        each.map(|(motion, body)| {
+            let [x, y] = motion.translation;
+            SpatialMotion {
+                translation: [x, y, grid.unit_mm() * body.height(height)],
+                rotation: motion.rotation,
+            }
+        })
+        .collect()
     }
 }
 
@@ -229,14 +274,17 @@ impl WithMaterial for Inflate<'_> {
             material: &material,
             activity: self.activity,
             heights: &self.solver.heights,
+            bodies: &self.solver.bodies,
+            share: 1.0,
         };
-        let laplacian = &*self.solver.solver.laplacian;
+        let (laplacian, level) = (&*self.solver.solver.laplacian, &*self.solver.level);
         let mut search = Search {
             given: self.solver.given,
             tolerance: self.solver.solver.tolerance,
             limit: self.solver.solver.limit,
-            scratch: laplacian.scratch(),
+            scratches: [laplacian.scratch(), level.scratch()],
             laplacian,
+            level,
             surface,
             steps: 0,
             iterations: 0,
@@ -258,8 +306,10 @@ struct Search<'a, L> {
     given: Given,
     tolerance: f64,
     limit: WorkLimit,
+    /// The inverse Laplacians for the components in the plane, and for heights.
     laplacian: &'a Laplacian,
-    scratch: LaplacianScratch,
+    level: &'a Laplacian,
+    scratches: [LaplacianScratch; 2],
     surface: Surface<'a, L>,
     steps: u32,
     iterations: u32,
@@ -300,7 +350,9 @@ impl<L: Material> Search<'_, L> {
         let (mut reached, mut step) = (0.0, 1.0_f64);
         let mut outcome = InflationOutcome::Converged;
         let mut loads = 0;
-        if load == 0.0 {
+        let is_lifted = self.surface.bodies.iter().any(|body| body.lift().load != 0.0);
+        let is_loaded = load != 0.0 || is_lifted;
+        if !is_loaded {
             outcome = match self.probe_flat(&state) {
                 Ok(()) => InflationOutcome::Converged,
                 Err(Failure::Work) => InflationOutcome::WorkLimit,
@@ -310,9 +362,10 @@ impl<L: Material> Search<'_, L> {
                 },
             };
         }
-        while load != 0.0 && reached < 1.0 {
+        while is_loaded && reached < 1.0 {
             loads += 1;
             let share = f64::min(reached + step, 1.0);
+            self.surface.share = share;
             let mut next = state.clone();
             match self.settle(&mut next, share * load, reached == 0.0) {
                 Ok(()) => {
@@ -355,7 +408,7 @@ impl<L: Material> Search<'_, L> {
             .evaluate(&state.x, &mut forces, &mut pressed)
             .ok_or(Failure::Lost)?;
         let at = self.surface.linearise(&state.x).ok_or(Failure::Lost)?;
-        let image = self.precondition(&pressed);
+        let image = self.precondition(&at.poses, &pressed);
         let system = System {
             at: &at,
             pressure: 0.0,
@@ -389,18 +442,24 @@ impl<L: Material> Search<'_, L> {
         }
     }
 
-    /// Leaves the flat state along the solution of Laplace's equation for a unit pressure: as far as the potential
-    /// falls, or to the volume.
+    /// Leaves the flat state along the solution of Laplace's equation for the load: as far as the potential falls, or
+    /// to the volume.
     fn guess(&mut self, state: &mut State, load: f64) {
         let (mut forces, mut pressed) = (vec![0.0; state.x.len()], vec![0.0; state.x.len()]);
         if self.surface.evaluate(&state.x, &mut forces, &mut pressed).is_none() {
             return;
         }
-        let shape = self.precondition(&pressed);
-        let per_unit = dot(&shape, &pressed);
-        let moved = |size: f64| -> Vec<f64> { state.x.iter().zip(&shape).map(|(x, shape)| x + size * shape).collect() };
+        let (poses, lifts) = (self.surface.poses(&state.x), self.surface.lifts());
+        let lifted = self.precondition(&poses, &lifts);
+        let mut shape = self.precondition(&poses, &pressed);
+        if self.given == Given::Volume {
+            state.x = combined(&state.x, 1.0, &lifted);
+        } else {
+            shape = combined(&lifted, load, &shape);
+        }
+        let moved = |size: f64| combined(&state.x, size, &shape);
         let size = match self.given {
-            Given::Volume => load / per_unit,
+            Given::Volume => (load - dot(&lifted, &pressed)) / dot(&shape, &pressed),
             Given::Pressure => {
                 let potential = |size: f64| {
                     let totals = self.totals(&moved(size));
@@ -408,7 +467,7 @@ impl<L: Material> Search<'_, L> {
                 };
                 // From the size of a membrane with the tension of its prestretch, by factors of two.
                 let mut best = (potential(0.0), 0.0);
-                let mut size = load;
+                let mut size = 1.0;
                 let mut factor = None;
                 for _ in 0..MOST_GUESSES {
                     let found = potential(size);
@@ -427,10 +486,15 @@ impl<L: Material> Search<'_, L> {
                 best.1
             }
         };
-        state.x = moved(size);
+        state.x = self.surface.settled(moved(size));
         if self.given == Given::Volume && self.surface.evaluate(&state.x, &mut forces, &mut pressed).is_some() {
             state.pressure = dot(&forces, &shape) / dot(&pressed, &shape);
         }
+    }
+
+    /// Returns the size of the load, with which residuals are compared.
+    fn pull(&self, pressure: f64, pressed: &[f64]) -> f64 {
+        pressure.abs() * norm(pressed) + norm(&self.surface.lifts())
     }
 
     /// Minimises E − p Vol.
@@ -442,7 +506,7 @@ impl<L: Material> Search<'_, L> {
             .surface
             .evaluate(&state.x, &mut forces, &mut pressed)
             .ok_or(Failure::Lost)?;
-        let goal = self.tolerance * p.abs() * norm(&pressed);
+        let goal = self.tolerance * self.pull(p, &pressed);
         for _ in 0..MOST_STEPS {
             let residual = combined(&forces, -p, &pressed);
             let size = norm(&residual);
@@ -457,14 +521,14 @@ impl<L: Material> Search<'_, L> {
             if size <= goal {
                 return self.probe(&system);
             }
-            let forcing = (size / (p.abs() * norm(&pressed))).sqrt().clamp(1e-3, 0.1);
+            let forcing = (size / self.pull(p, &pressed)).sqrt().clamp(1e-3, 0.1);
             let (step, end) = self.solve(&system, &residual, forcing)?;
             let slope = -dot(&residual, &step);
             let before = totals.energy - p * totals.volume;
             let mut accepted = false;
             for halvings in 0..MOST_HALVINGS {
                 let length = 0.5_f64.powi(halvings);
-                let trial = combined(&state.x, -length, &step);
+                let trial = self.surface.settled(combined(&state.x, -length, &step));
                 let Some(found) = self.surface.evaluate(&trial, &mut trial_forces, &mut trial_pressed) else {
                     continue;
                 };
@@ -491,6 +555,7 @@ impl<L: Material> Search<'_, L> {
     fn fill(&mut self, state: &mut State, volume: f64) -> Result<(), Failure> {
         let len = state.x.len();
         let (mut forces, mut pressed) = (vec![0.0; len], vec![0.0; len]);
+        let lifts = self.surface.lifts();
         for _ in 0..MOST_STEPS {
             let totals = self
                 .surface
@@ -500,7 +565,7 @@ impl<L: Material> Search<'_, L> {
             let residual = combined(&forces, -p, &pressed);
             let missing = volume - totals.volume;
             let at = self.surface.linearise(&state.x).ok_or(Failure::Lost)?;
-            let image = self.precondition(&pressed);
+            let image = self.precondition(&at.poses, &pressed);
             let flexibility = dot(&pressed, &image);
             let system = System {
                 at: &at,
@@ -509,8 +574,10 @@ impl<L: Material> Search<'_, L> {
                 image: &image,
                 rho: STIFF / flexibility,
             };
-            let reference = p.abs().max(volume.abs() / flexibility) * norm(&pressed);
-            if norm(&residual) <= self.tolerance * reference && missing.abs() <= 1e-10 * volume.abs() {
+            let reference = self.pull(p.abs().max(volume.abs() / flexibility), &pressed);
+            // The volume may be that of a hub that is pulled out of the membrane above none.
+            let largest = volume.abs() + dot(&lifts, &image).abs();
+            if norm(&residual) <= self.tolerance * reference && missing.abs() <= 1e-10 * largest {
                 return self.probe(&system);
             }
             let forcing = (norm(&residual) / reference).sqrt().clamp(1e-6, 1e-2);
@@ -528,9 +595,12 @@ impl<L: Material> Search<'_, L> {
                 .collect();
             let length = (0..MOST_HALVINGS)
                 .map(|halvings| 0.5_f64.powi(halvings))
-                .find(|length| self.totals(&combined(&state.x, *length, &step)).is_some())
+                .find(|length| {
+                    let trial = self.surface.settled(combined(&state.x, *length, &step));
+                    self.totals(&trial).is_some()
+                })
                 .ok_or(Failure::Lost)?;
-            state.x = combined(&state.x, length, &step);
+            state.x = self.surface.settled(combined(&state.x, length, &step));
             state.pressure += length * rise;
             self.steps += 1;
         }
@@ -541,7 +611,7 @@ impl<L: Material> Search<'_, L> {
     fn probe(&mut self, system: &System<'_>) -> Result<(), Failure> {
         let mut stream = Stream::new(0, "stability under pressure", 0);
         let mut load: Vec<f64> = (0..self.surface.len()).map(|_| stream.normal()).collect();
-        self.surface.restrict(&mut load);
+        self.surface.restrict(&system.at.poses, &mut load);
         match self.solve(system, &load, 1e-3)? {
             (_, End::Solved | End::Iterations) => Ok(()),
             (_, End::NegativeCurvature) => Err(Failure::Lost),
@@ -592,7 +662,7 @@ impl<L: Material> Search<'_, L> {
 
     /// Applies the inverse of the Laplacian of each component, plus ρ b bᵀ.
     fn preconditioned(&mut self, system: &System<'_>, vector: &[f64]) -> Vec<f64> {
-        let mut z = self.precondition(vector);
+        let mut z = self.precondition(&system.at.poses, vector);
         if system.rho != 0.0 {
             let flexibility = dot(system.pressed, system.image);
             let factor = system.rho * dot(system.pressed, &z) / (1.0 + system.rho * flexibility);
@@ -601,18 +671,20 @@ impl<L: Material> Search<'_, L> {
         z
     }
 
-    fn precondition(&mut self, vector: &[f64]) -> Vec<f64> {
+    fn precondition(&mut self, poses: &[Pose], vector: &[f64]) -> Vec<f64> {
         let plane = vector.len() / 3;
         let single = |values: &[f64]| -> Vec<f32> { values.iter().map(|value| *value as f32).collect() };
         let mut z = vec![0.0_f32; 2 * plane];
+        let [scratch, of_heights] = &mut self.scratches;
         self.laplacian
-            .solve(&single(&vector[..2 * plane]), &[], &mut z, &mut self.scratch);
+            .solve(&single(&vector[..2 * plane]), poses, &mut z, scratch);
         let mut all: Vec<f64> = z.iter().map(|value| f64::from(*value)).collect();
         let mut height = single(&vector[2 * plane..]);
         height.resize(2 * plane, 0.0);
-        self.laplacian.solve(&height, &[], &mut z, &mut self.scratch);
+        let flat = vec![Pose::REST; poses.len()];
+        self.level.solve(&height, &flat, &mut z, of_heights);
         all.extend(z[..plane].iter().map(|value| f64::from(*value)));
-        self.surface.restrict(&mut all);
+        self.surface.restrict(poses, &mut all);
         all
     }
 }

@@ -2,24 +2,31 @@
 //!
 //! Vectors have three planes: both components in the plane, then that out of it. The volume between the membrane and
 //! its plane is ∫ w det f dX; where the edge is held its gradient b is the force of a unit pressure that follows the
-//! surface.
+//! surface. Bodies move as in the plane, and have one height: their elements have no energy, and the volume below them
+//! is their area times the height.
 
 use deaflow_field::Order;
 use deaflow_pattern::Part;
 
 use super::flat::OutOfPlane;
+use super::lifted::Lifted;
 use super::point::{PointState, Spatial, apply, root, second_stress};
 use crate::element::{Bilinear, Biquadratic, Element};
 use crate::grid::Grid;
 use crate::kinematics::{Tensor, cofactor, contract, determinant};
 use crate::material::Material;
 use crate::operator::Activity;
+use crate::rigid::Pose;
+use crate::supports::Supports;
 
 /// A membrane that can leave its plane.
 pub(super) struct Surface<'a, L> {
     pub material: &'a L,
     pub activity: &'a Activity,
     pub heights: &'a OutOfPlane,
+    pub bodies: &'a [Lifted],
+    /// Share of the forces out of the plane on bodies.
+    pub share: f64,
 }
 
 /// Energy and volume of a state.
@@ -29,9 +36,13 @@ pub(super) struct Totals {
     pub volume: f64,
 }
 
-/// Stress, moduli and heights at all points of a state.
+/// Stress, moduli and heights at all points of a state, and the poses of bodies.
 pub(super) struct Linearised {
     points: Vec<(PointState, f64)>,
+    pub poses: Vec<Pose>,
+    /// Curvatures of the rotations of bodies: by the forces of the elements, and by those of a unit pressure with the
+    /// opposite sign.
+    curvatures: [Vec<f64>; 2],
 }
 
 /// Nodal values of an element, or forces on its nodes.
@@ -51,12 +62,40 @@ impl<L: Material> Surface<'_, L> {
         self.grid().layout().vector_len() / 2
     }
 
-    /// Sets what does not move to zero.
-    pub fn restrict(&self, vector: &mut [f64]) {
+    /// Returns the poses of bodies in the plane.
+    pub fn poses(&self, x: &[f64]) -> Vec<Pose> {
+        self.grid().poses(&x[..2 * self.plane()])
+    }
+
+    /// Returns a state in which the motion of every body is rigid, after a step along the tangent.
+    pub fn settled(&self, mut x: Vec<f64>) -> Vec<f64> {
+        self.grid().settle(&mut x[..2 * self.plane()]);
+        x
+    }
+
+    /// Returns the forces out of the plane on bodies.
+    pub fn lifts(&self) -> Vec<f64> {
+        let mut lifts = vec![0.0; self.len()];
+        for body in self.bodies {
+            body.spread(self.share * body.lift().load, &mut lifts[2 * self.plane()..]);
+        }
+        lifts
+    }
+
+    /// Projects a vector onto the admissible changes: zero where nothing moves, rigid on bodies.
+    pub fn restrict(&self, poses: &[Pose], vector: &mut [f64]) {
         let (planar, height) = vector.split_at_mut(2 * self.plane());
-        // There are no bodies.
-        self.grid().restrict_at(&[], planar);
+        self.grid().restrict_at(poses, planar);
+        self.restrict_heights(height, |_| 0.0);
+    }
+
+    /// Like [`Self::restrict`] for heights, with more forces on bodies.
+    fn restrict_heights(&self, height: &mut [f64], more: impl Fn(&Lifted) -> f64) {
+        let forces: Vec<f64> = self.bodies.iter().map(|body| body.force(height) + more(body)).collect();
         self.heights.restrict(height);
+        for (body, force) in self.bodies.iter().zip(forces) {
+            body.spread(force, height);
+        }
     }
 
     /// Writes the forces of the elements, and of a unit pressure with the opposite sign, into two vectors; returns
@@ -66,9 +105,26 @@ impl<L: Material> Surface<'_, L> {
             Order::Bilinear => self.evaluate_by::<Bilinear, 4>(x, forces, pressed),
             Order::Biquadratic => self.evaluate_by::<Biquadratic, 9>(x, forces, pressed),
         };
-        self.restrict(forces);
-        self.restrict(pressed);
-        totals
+        let mut totals = totals?;
+        let (plane, poses) = (self.plane(), self.poses(x));
+        for body in self.bodies {
+            let height = body.height(&x[2 * plane..]);
+            totals.energy += body.energy(height, self.share);
+            totals.volume += body.volume(height);
+        }
+        self.restrict_heights(&mut pressed[2 * plane..], Lifted::area);
+        self.grid().restrict_at(&poses, &mut pressed[..2 * plane]);
+        let (planar, height) = forces.split_at_mut(2 * plane);
+        self.restrict_heights(height, |body| {
+            let lift = body.lift();
+            lift.spring * body.height(&x[2 * plane..]) - self.share * lift.load
+        });
+        self.grid().layout().clear_frame(planar);
+        if let Some(supports) = self.grid().supports() {
+            totals.energy += supports.energy(&poses);
+            supports.restrict_forces(&poses, 1.0, planar);
+        }
+        Some(totals)
     }
 
     fn evaluate_by<E: Element<N>, const N: usize>(
@@ -114,15 +170,39 @@ impl<L: Material> Surface<'_, L> {
 
     fn linearise_by<E: Element<N>, const N: usize>(&self, x: &[f64]) -> Option<Linearised> {
         let mut points = Vec::new();
+        let [mut forces, mut pressed] =
+            [(); 2].map(|()| vec![0.0; if self.bodies.is_empty() { 0 } else { self.len() }]);
         for element in membrane(self.grid()) {
-            let nodal = self.nodal(x, &self.grid().nodes_of::<N>(element));
+            let nodes = self.grid().nodes_of::<N>(element);
+            let nodal = self.nodal(x, &nodes);
             let (gradients, heights) = self.at_points::<E, N>(element, &nodal);
+            let mut stress = [[[0.0; 2]; 3]; N];
             for q in 0..N {
                 let active = self.activity.at_point(element[1], q, N)[element[0]];
-                points.push((PointState::new(self.material, gradients[q], active)?, heights[q]));
+                let state = PointState::new(self.material, gradients[q], active)?;
+                stress[q] = state.f.map(|row| apply(state.stress, row));
+                points.push((state, heights[q]));
+            }
+            if !self.bodies.is_empty() {
+                self.add_to(&mut forces, &nodes, &self.forces_of::<E, N>(element, &stress));
+                let areas = self.grid().areas_of(element, E::WEIGHTS);
+                let (_, volumes) = self.pressed::<E, N>(element, &areas, &gradients, &heights);
+                self.add_to(&mut pressed, &nodes, &volumes);
             }
         }
-        Some(Linearised { points })
+        let poses = self.poses(x);
+        let of_bodies = |supports: &Supports| {
+            [
+                supports.curvatures(&poses, 1.0, &forces),
+                supports.curvatures(&poses, 0.0, &pressed),
+            ]
+        };
+        let supports = self.grid().supports().filter(|_| !self.bodies.is_empty());
+        Some(Linearised {
+            curvatures: supports.map(of_bodies).unwrap_or_default(),
+            points,
+            poses,
+        })
     }
 
     /// Writes the change of the forces at a pressure, which follows the surface, into `out`.
@@ -131,7 +211,19 @@ impl<L: Material> Surface<'_, L> {
             Order::Bilinear => self.tangent_by::<Bilinear, 4>(at, pressure, change, out),
             Order::Biquadratic => self.tangent_by::<Biquadratic, 9>(at, pressure, change, out),
         }
-        self.restrict(out);
+        let plane = self.plane();
+        let (planar, height) = out.split_at_mut(2 * plane);
+        self.restrict_heights(height, |body| body.lift().spring * body.height(&change[2 * plane..]));
+        self.grid().layout().clear_frame(planar);
+        if let Some(supports) = self.grid().supports() {
+            let [forces, pressed] = &at.curvatures;
+            let curvatures: Vec<f64> = forces
+                .iter()
+                .zip(pressed)
+                .map(|(own, by)| own - pressure * by)
+                .collect();
+            supports.restrict_product(&at.poses, &curvatures, &change[..2 * plane], planar);
+        }
     }
 
     fn tangent_by<E: Element<N>, const N: usize>(
@@ -272,5 +364,92 @@ impl Linearised {
         };
         let compressed = self.points.iter().filter(|(state, _)| is_compressed(state)).count();
         compressed as f64 / self.points.len().max(1) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::lifted::bodies;
+    use super::*;
+    use crate::eigenvalue::dot;
+    use crate::energy::NeoHookean;
+    use crate::sheet::{Sheet, lifts};
+    use deaflow_field::Mesh;
+    use deaflow_pattern::Pattern;
+    use deaflow_scene::Scene;
+
+    /// Waves in all components, with bodies that have moved and turned.
+    fn waves(surface: &Surface<'_, NeoHookean>, size: f64, phase: f64) -> Vec<f64> {
+        let mut x: Vec<f64> = (0..surface.len())
+            .map(|i| size * (i as f64 * 0.61 + phase).sin())
+            .collect();
+        surface.restrict(&surface.poses(&vec![0.0; x.len()]), &mut x);
+        let plane = surface.plane();
+        for body in surface.grid().supports().unwrap().bodies() {
+            let moved = [0.7 * phase.sin(), -0.4, 0.2 * phase.cos()];
+            body.nodes.write(&Pose::REST, moved, &mut x[..2 * plane]);
+        }
+        for body in surface.bodies {
+            body.spread(3.0 * phase.cos(), &mut x[2 * plane..]);
+        }
+        surface.settled(x)
+    }
+
+    #[test]
+    fn forces_and_tangents_of_bodies_are_differences_of_the_potential() {
+        let scene = Scene::from_text(
+            "{ geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10, bodies: [{ rectangle: [[10 mm, \
+             10 mm], [20 mm, 25 mm]], load: [0.1 N, -0.2 N, 0.3 N], spring: [20 N/m, 50 N/m, 30 N/m] }] }, material: { \
+             model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }, drive: { voltage: 4 kV } }",
+        )
+        .unwrap();
+        for mesh in [Mesh::bilinear(1), Mesh::biquadratic(1)] {
+            let grid = Grid::uniform(mesh, &Sheet::of(&scene));
+            let pattern = Pattern::from_fn(scene.membrane().raster, |x, y| x + y > 8);
+            let activity = Activity::new(&grid, &pattern);
+            let (heights, of_grid) = (
+                OutOfPlane::new(&grid).unwrap(),
+                bodies(&grid, &lifts(&scene, grid.unit_mm())),
+            );
+            assert!((of_grid[0].area() - 6.0 * grid.elements()[0].pow(2) as f64 / 100.0).abs() < 1e-9);
+            let surface = Surface {
+                material: &NeoHookean::new(3.0, scene.kappa()),
+                activity: &activity,
+                heights: &heights,
+                bodies: &of_grid,
+                share: 0.8,
+            };
+            let (x, pressure) = (waves(&surface, 0.02, 0.4), 0.01);
+            let (mut forces, mut pressed) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+            let mut potential = |x: &[f64]| {
+                let totals = surface.evaluate(x, &mut forces, &mut pressed).unwrap();
+                let residual: Vec<f64> = forces.iter().zip(&pressed).map(|(f, b)| f - pressure * b).collect();
+                (totals.energy - pressure * totals.volume, residual)
+            };
+            let at = surface.linearise(&x).unwrap();
+            let mut change = waves(&surface, 0.3, 1.9);
+            surface.restrict(&at.poses, &mut change);
+            let moved = |step: f64| surface.settled(x.iter().zip(&change).map(|(x, dx)| x + step * dx).collect());
+            let step = 1e-3;
+            let [(before, _), (here, residual), (after, _)] = [-step, 0.0, step].map(|step| potential(&moved(step)));
+            let slope = dot(&residual, &change);
+            assert!(
+                ((after - before) / (2.0 * step) - slope).abs() < 1e-5 * slope.abs(),
+                "{slope}"
+            );
+            let mut image = vec![0.0; x.len()];
+            surface.tangent(&at, pressure, &change, &mut image);
+            let (curvature, found) = (dot(&image, &change), (after - 2.0 * here + before) / step.powi(2));
+            assert!(
+                (found - curvature).abs() < 1e-4 * curvature.abs(),
+                "{found} {curvature}"
+            );
+            // Symmetric.
+            let mut other = waves(&surface, 0.2, 2.7);
+            surface.restrict(&at.poses, &mut other);
+            let across = dot(&image, &other);
+            surface.tangent(&at, pressure, &other, &mut image);
+            assert!((dot(&image, &change) - across).abs() < 1e-10 * curvature);
+        }
     }
 }

@@ -85,7 +85,7 @@ fn the_laplacian_is_inverted_whatever_frames_and_bodies_do() {
             .zip(&poses)
             .map(|(body, pose)| {
                 let [p, q, _] = body.nodes.motion(pose, body.nodes.force(pose, &wanted));
-                [body.mount.spring * p, body.mount.spring * q, 0.0]
+                [body.mount.spring[0] * p, body.mount.spring[1] * q, 0.0]
             })
             .collect();
         supports.restrict_with(&poses, &mut r, |body, force| {

@@ -13,6 +13,7 @@ mod fringe;
 mod geometry;
 mod groups;
 mod hard;
+mod hubs;
 mod interrupts;
 mod invariance;
 mod known;

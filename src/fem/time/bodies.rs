@@ -42,13 +42,14 @@ pub fn slowed_by_bars(grid: &Grid) -> f64 {
 pub fn shortest_period(grid: &Grid, mass: &Mass) -> Option<f64> {
     let supports = grid.supports()?;
     let len = grid.layout().vector_len();
+    let stiffest = |body: &Rigid| f64::max(body.mount.spring[0], body.mount.spring[1]);
     let period = |body: &Rigid| {
         let (mut along, mut image) = (vec![0.0; len], vec![0.0; len]);
         body.nodes.write(&Pose::REST, [1.0, 0.0, 0.0], &mut along);
         mass.apply(&along, &mut image);
         let [heavy, ..] = body.nodes.force(&Pose::REST, &image);
-        TAU * (heavy / body.mount.spring).sqrt()
+        TAU * (heavy / stiffest(body)).sqrt()
     };
-    let sprung = supports.bodies().iter().filter(|body| body.mount.spring > 0.0);
+    let sprung = supports.bodies().iter().filter(|body| stiffest(body) > 0.0);
     sprung.map(period).reduce(f64::min)
 }

@@ -11,7 +11,7 @@ use super::names;
 use deaflow_fem::LinearResponse;
 use deaflow_field::Field;
 use deaflow_pattern::{Membrane, Part, Parts, Symmetries, Symmetry};
-use deaflow_scene::Scene;
+use deaflow_scene::{Body, Scene};
 
 /// Largest number of values of a response, 256 MiB: 107 × 107 cells of a rectangle, 76 × 76 of a device without mirror
 /// symmetry.
@@ -304,7 +304,8 @@ fn stiffness(scene: &Scene, parts: &Parts, nodes: &[([usize; 2], Option<usize>)]
     let centroids = centroids(&membrane, parts);
     let elastic = scene.shear_modulus_pa() * scene.thickness_mm() * 1e-3;
     let bodies_of_scene = scene.geometry.bodies.iter().flatten();
-    let springs: Vec<f64> = bodies_of_scene.map(|body| body.spring_n_per_m() / elastic).collect();
+    let rates = |body: &Body| body.spring_n_per_m().map(|rate| rate / elastic);
+    let springs: Vec<[f64; 2]> = bodies_of_scene.map(rates).collect();
     // Entry of B: displacement of a component of a corner per motion of its body.
     let follows = |row: usize, motion: usize| -> f64 {
         let (component, ([x, y], body)) = (row / count, nodes[row % count]);
@@ -325,7 +326,7 @@ fn stiffness(scene: &Scene, parts: &Parts, nodes: &[([usize; 2], Option<usize>)]
             (true, true) if i / count == k / count => green[(i % count, k % count)],
             (true, false) => -follows(i, k - forces),
             (false, true) => -follows(k, i - forces),
-            (false, false) if i == k && (i - forces) % 3 < 2 => -springs[(i - forces) / 3],
+            (false, false) if i == k && (i - forces) % 3 < 2 => -springs[(i - forces) / 3][(i - forces) % 3],
             _ => 0.0,
         }
     });
