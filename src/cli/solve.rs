@@ -5,6 +5,7 @@ mod cells;
 mod equilibrium;
 mod history;
 mod inflation;
+mod inflation_path;
 mod modes;
 mod path;
 mod response;
@@ -107,8 +108,8 @@ pub struct SolveArguments {
     #[arg(long, conflicts_with_all = ["accuracy", "path"])]
     pub cells: bool,
     /// Follow the load path of each pattern from rest past its critical voltage, whatever the voltage of the scene; or
-    /// at this voltage, with forces (load) or given displacements of bars rising from 0 to those of the scene. OUT.csv
-    /// and OUT.png are written next to OUT.h5
+    /// at this voltage, with forces (load), given displacements of bars (displacement), the pressure or the volume of
+    /// `loads` rising from 0 to those of the scene. OUT.csv and OUT.png are written next to OUT.h5
     #[arg(
         long,
         value_name = "PARAMETER",

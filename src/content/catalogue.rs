@@ -3,8 +3,8 @@
 use super::declared::Declared;
 use super::{
     Accuracy, ArtifactKind, Audit, Balanced, Calibration, Comparison, Designs, Evaluation, FittedScene,
-    FrequencyResponses, Histories, Inflations, LoadPaths, Measurements, Samples, Solutions, SolveFile, Table, Training,
-    Verification, Vibrations,
+    FrequencyResponses, Histories, InflationPaths, Inflations, LoadPaths, Measurements, Samples, Solutions, SolveFile,
+    Table, Training, Verification, Vibrations,
 };
 
 /// The content of a kind of artifact or file.
@@ -50,6 +50,7 @@ pub fn catalogue() -> Vec<ContentOfKind> {
         "the file of `deaflow solve` and `deaflow predict`" => SolveFile,
         "the file of `deaflow solve` in space" => Inflations,
         "the file of `deaflow solve --path`" => LoadPaths,
+        "the file of `deaflow solve --path` under pressure" => InflationPaths,
         "the file of `deaflow solve --history`" => Histories,
         "the file of `deaflow solve --modes`" => Vibrations,
         "the file of `deaflow solve --response`" => FrequencyResponses,

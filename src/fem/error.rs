@@ -180,6 +180,12 @@ pub enum SetupError {
     /// Bodies that move out of the plane where only motion in the plane is simulated.
     #[error("a `load` or `spring` of three numbers is simulated by `deaflow solve` alone: give two numbers")]
     InSpace,
+    /// A path that a scene with a pressure or a volume does not have.
+    #[error("under the `loads` of the scene a path of the {parameter} cannot be followed")]
+    PathUnderPressure {
+        /// What should change along it.
+        parameter: &'static str,
+    },
     /// A pressure is needed.
     #[error("the scene has no pressure and no volume: add `loads: {{ pressure: 500 Pa }}`")]
     NoPressure,
@@ -280,6 +286,7 @@ impl SetupError {
                 | Self::UnderPressure
                 | Self::Lifted { .. }
                 | Self::InSpace
+                | Self::PathUnderPressure { .. }
                 | Self::NoPressure
         )
     }

@@ -93,8 +93,11 @@ pub use laminates::check_covered_cells;
 pub use limit::CriticalSearch;
 pub use margin::StabilityReport;
 pub use observable::{CellState, Tension, cell_states};
-pub use out_of_plane::{Inflated, InflationOutcome, InflationSolver, SpatialMotion};
-pub use path::{EventKind, LoadPath, NoPath, PathEnd, PathEvent, PathParameter, PathPoint, PathSolver, SideState};
+pub use out_of_plane::{Inflated, InflationOutcome, InflationSolver, Peak, SpatialMotion};
+pub use path::{
+    EventKind, InflationPath, InflationPathSolver, InflationPoint, LoadPath, NoPath, PathEnd, PathEvent, PathParameter,
+    PathPoint, PathSolver, SideState,
+};
 pub use points::Weights;
 pub use response::{Estimator, LinearResponse};
 pub use safety_margins::SafetyMargins;

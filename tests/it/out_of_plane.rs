@@ -69,8 +69,62 @@ fn a_pressure_beyond_the_largest_has_no_field_and_an_exit_code() {
     let found = ended.json()["equilibria"][0].clone();
     assert_eq!(found["outcome"], "limit-point");
     let [below, above] = ["last_stable", "first_unstable"].map(|key| number(&found[key]));
-    assert!(0.0 < below && below < above && above - below < 2e-3, "{below} {above}");
+    assert!(
+        0.0 < below && below < above && above - below < 1e-3 * below,
+        "{below} {above}"
+    );
+    assert!(
+        (number(&found["limit_pa"]) / (2e4 * below) - 1.0).abs() < 1e-9,
+        "{found}"
+    );
     assert!(found.get("height_mm").is_none());
+    let ended = solve(&workspace, &["--set", "loads={ pressure: 20 kPa }"]);
+    assert!(ended.stdout.contains("limit-point at 2496 Pa"), "{}", ended.stdout);
+}
+
+#[test]
+fn paths_under_pressure_have_a_table_a_figure_and_the_largest_pressure() {
+    let workspace = workspace();
+    let by_volume = ["--json", "--path=volume", "--set", "loads={ volume: 23 ml }"];
+    let ended = solve(&workspace, &by_volume);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let document = ended.json();
+    assert_eq!(document["parameter"], "volume");
+    let path = document["paths"][0].clone();
+    assert_eq!(
+        (&path["end"], &path["limit"]),
+        (&"complete".into(), &Value::Null),
+        "{path}"
+    );
+    let points = path["points"].as_array().unwrap();
+    let largest = &path["largest_pressure"];
+    let at = largest["point"].as_u64().unwrap() as usize;
+    assert_eq!(points[at]["pressure_pa"], largest["pressure_pa"]);
+    let pressures: Vec<f64> = points.iter().map(|point| number(&point["pressure_pa"])).collect();
+    let most = pressures.iter().fold(0.0_f64, |most, one| most.max(*one));
+    assert_eq!(most, pressures[at]);
+    let table = std::fs::read_to_string(workspace.path("out.csv")).unwrap();
+    assert_eq!(table.lines().count(), points.len() + 1, "{table}");
+    assert!(table.starts_with("pattern,voltage_V,pressure_Pa,volume_ml,"), "{table}");
+    assert!(workspace.path("out.png").exists());
+
+    // The same limit by pressure.
+    let ended = solve(
+        &workspace,
+        &["--json", "--path=pressure", "--set", "loads={ pressure: 20 kPa }"],
+    );
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let by_pressure = ended.json()["paths"][0].clone();
+    assert_eq!(
+        (&by_pressure["end"], &by_pressure["limit"]["kind"]),
+        (&"limit-point".into(), &"limit-point".into())
+    );
+    let limit = number(&by_pressure["limit"]["pressure_pa"]);
+    assert!((limit / most - 1.0).abs() < 1e-4, "{limit} {most}");
+
+    let ended = solve(&workspace, &["--path", "--set", "loads={ pressure: 500 Pa }"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert!(ended.stdout.contains("complete"), "{}", ended.stdout);
 }
 
 #[test]
@@ -80,9 +134,15 @@ fn what_is_not_simulated_under_pressure_is_refused() {
     let free = "geometry.sides={ right: roller }";
     let body = "geometry.bodies=[{ disc: { centre: [25 mm, 25 mm], radius: 6 mm }, load: [0 N, 0 N, 0.2 N] }]";
     let two = "give two numbers";
-    let refused: [(&[&str], &str); 11] = [
+    let refused: [(&[&str], &str); 14] = [
         (&["--set", pressure, "--modes", "2"], "with `--modes`"),
-        (&["--set", pressure, "--path"], "with `--path`"),
+        (
+            &["--set", pressure, "--set", body, "--path=pressure"],
+            "`bodies` along a path",
+        ),
+        (&["--set", pressure, "--path=load"], "--path=pressure"),
+        (&["--set", pressure, "--path=volume"], "--path=pressure"),
+        (&["--path=volume"], "add `loads: { pressure: 500 Pa }`"),
         (&["--set", pressure, "--set", free], "`sides` that are not held"),
         (&["--set", body, "--modes", "2"], two),
         (&["--set", body, "--path"], two),

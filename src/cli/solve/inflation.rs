@@ -11,9 +11,9 @@ use crate::{CliError, Exit, Output, table};
 use deaflow_base::four_digits;
 use deaflow_content::{CoveredCells, DrawnElectrodes, Inflations, Packed};
 use deaflow_fem::screening::resolve;
-use deaflow_fem::{Inflated, InflationOutcome, InflationSolver, MeshRequest, Method, SetupError, SpatialMotion};
+use deaflow_fem::{Inflated, InflationOutcome, InflationSolver, MeshRequest, Method, Peak, SetupError, SpatialMotion};
 use deaflow_pattern::Pattern;
-use deaflow_scene::Scene;
+use deaflow_scene::{Pressurised, Scene};
 
 /// The share of compressed membrane above which a warning names it.
 const COMPRESSED: f64 = 0.005;
@@ -25,13 +25,7 @@ const COMPRESSED: f64 = 0.005;
 pub fn execute(simulation: Simulation<'_>, output: &Output) -> Result<Exit, CliError> {
     let arguments = simulation.arguments;
     check(arguments, &simulation)?;
-    let mut flat = resolve(&simulation.scene.in_plane())?;
-    let left_out = simulation.scene.auto && flat.effects.fringe_field.take().is_some();
-    let scene = Scene {
-        loads: simulation.scene.loads.clone(),
-        geometry: simulation.scene.geometry.clone(),
-        ..flat
-    };
+    let (scene, left_out) = resolved(&simulation)?;
     let solver = PatternSolver::new(&scene, |scene| {
         let solver = InflationSolver::new(scene, arguments.options())?;
         Ok::<_, SetupError>(solver.within(arguments.time.work_limit()))
@@ -45,27 +39,50 @@ pub fn execute(simulation: Simulation<'_>, output: &Output) -> Result<Exit, CliE
         },
     )?;
     let unstable = found.iter().filter(|one| !is_stable(one)).count();
-    let columns = scene.membrane().raster.columns();
-    let cell_mm = scene.membrane().cell_mm();
-    let peaks: Vec<Peak> = found.iter().map(|one| Peak::of(one, columns, cell_mm)).collect();
+    let peaks = found.iter().map(|one| Peak::of(&one.displacement, &one.heights));
+    let peaks: Vec<Peak> = peaks.collect();
     let result = JobResult {
         patterns: found.len(),
         arrays: content(&simulation, &scene, &found, seconds).object(),
         parameters: simulation.parameters(""),
         attachments: None,
-        warnings: warnings(&scene, &found, left_out),
+        warnings: left_out.into_iter().chain(warnings(&scene, &found)).collect(),
         document: json!({
-            "equilibria": found.iter().zip(&peaks).enumerate().map(document).collect::<Vec<_>>(),
+            "equilibria": found.iter().zip(&peaks).enumerate().map(|one| document(one, &scene)).collect::<Vec<_>>(),
             "unstable": unstable,
         }),
-        text: text(&found, &peaks),
+        text: text(&found, &peaks, &scene),
         exit: if unstable > 0 { Exit::Unstable } else { Exit::Done },
     };
     simulation.finish(result, output)
 }
 
+/// Returns the scene with its effects resolved, which are those of the flat membrane, and a warning if that leaves out
+/// one of them.
+///
+/// # Errors
+/// When they cannot be resolved.
+pub fn resolved(simulation: &Simulation<'_>) -> Result<(Scene, Option<String>), CliError> {
+    let given = &simulation.scene;
+    let mut flat = resolve(&given.in_plane())?;
+    let left_out = given.auto && flat.effects.fringe_field.take().is_some();
+    let warning = left_out.then(|| {
+        let what = under_pressure_or_in_space(given);
+        format!("`effects: auto` chooses `fringe_field`, which is not simulated {what} and is left out")
+    });
+    let scene = Scene {
+        loads: given.loads.clone(),
+        geometry: given.geometry.clone(),
+        ..flat
+    };
+    Ok((scene, warning))
+}
+
 /// Refuses options and states that are not simulated in space.
-fn check(arguments: &SolveArguments, simulation: &Simulation<'_>) -> Result<(), CliError> {
+///
+/// # Errors
+/// When there are any.
+pub fn check(arguments: &SolveArguments, simulation: &Simulation<'_>) -> Result<(), CliError> {
     let scene = &simulation.scene;
     let refused = |option: &str| {
         let error = SetupError::not_in_space(scene, "this option");
@@ -108,54 +125,33 @@ fn is_stable(one: &Inflated) -> bool {
     one.outcome == InflationOutcome::Converged
 }
 
-/// The largest displacement of a membrane in space.
-struct Peak {
-    mm: f64,
-    height: f64,
-    at_mm: [f64; 2],
+/// Returns the place of a peak.
+pub fn at_mm(peak: &Peak, scene: &Scene) -> [f64; 2] {
+    let cell_mm = scene.membrane().cell_mm();
+    [0, 1].map(|axis| peak.corner[axis] as f64 * cell_mm[axis])
 }
 
-impl Peak {
-    fn of(one: &Inflated, columns: usize, cell_mm: [f64; 2]) -> Self {
-        let corners = one.heights.iter().enumerate().map(|(corner, height)| {
-            let [x, y] = [corner % (columns + 1), corner / (columns + 1)];
-            let [u, v] = one.displacement.at_corner(x, y);
-            Self {
-                mm: u.hypot(v).hypot(*height),
-                height: *height,
-                at_mm: [x as f64 * cell_mm[0], y as f64 * cell_mm[1]],
-            }
-        });
-        let none = Self {
-            mm: 0.0,
-            height: 0.0,
-            at_mm: [0.0; 2],
-        };
-        corners.fold(none, |best, one| if one.mm > best.mm { one } else { best })
-    }
+fn warnings(scene: &Scene, found: &[Inflated]) -> Vec<String> {
+    let of_one = |(index, one): (usize, &Inflated)| compressed(scene, index, one.compressed).filter(|_| is_stable(one));
+    let of_all = found.iter().enumerate().filter_map(of_one);
+    breakdown(scene).into_iter().chain(of_all).collect()
 }
 
-fn warnings(scene: &Scene, found: &[Inflated], without_fringe: bool) -> Vec<String> {
+/// Warns that an effect is not simulated.
+pub fn breakdown(scene: &Scene) -> Option<String> {
+    let asked = scene.effects.dielectric_breakdown.as_ref();
     let what = under_pressure_or_in_space(scene);
-    let fringe = without_fringe
-        .then(|| format!("`effects: auto` chooses `fringe_field`, which is not simulated {what} and is left out"));
-    let breakdown = scene
-        .effects
-        .dielectric_breakdown
-        .as_ref()
-        .map(|_| format!("{what} the electric field is not compared with the breakdown field"));
-    let wrinkles = scene.effects.wrinkling.is_some();
-    let of_one = |(index, one): (usize, &Inflated)| {
-        let is_compressed = is_stable(one) && !wrinkles && one.compressed >= COMPRESSED;
-        is_compressed.then(|| {
-            format!(
-                "pattern {index}: {:.1} % of the membrane is compressed and would wrinkle; simulate `wrinkling`",
-                100.0 * one.compressed
-            )
-        })
-    };
-    let compressed = found.iter().enumerate().filter_map(of_one);
-    fringe.into_iter().chain(breakdown).chain(compressed).collect()
+    asked.map(|_| format!("{what} the electric field is not compared with the breakdown field"))
+}
+
+/// Warns of a compressed share of a membrane.
+pub fn compressed(scene: &Scene, index: usize, share: f64) -> Option<String> {
+    (scene.effects.wrinkling.is_none() && share >= COMPRESSED).then(|| {
+        format!(
+            "pattern {index}: {:.1} % of the membrane is compressed and would wrinkle; simulate `wrinkling`",
+            100.0 * share
+        )
+    })
 }
 
 fn content(simulation: &Simulation<'_>, scene: &Scene, found: &[Inflated], solve_seconds: Vec<f64>) -> Inflations {
@@ -216,8 +212,8 @@ fn content(simulation: &Simulation<'_>, scene: &Scene, found: &[Inflated], solve
 }
 
 /// The overview, the motions of bodies, and how to go beyond the limit of work.
-fn text(found: &[Inflated], peaks: &[Peak]) -> Text {
-    let mut text = Text::of(overview(found, peaks));
+fn text(found: &[Inflated], peaks: &[Peak], scene: &Scene) -> Text {
+    let mut text = Text::of(overview(found, peaks, scene));
     if found.iter().any(|one| is_stable(one) && !one.bodies.is_empty()) {
         text.table(bodies(found));
     }
@@ -241,7 +237,7 @@ fn bodies(found: &[Inflated]) -> table::Table {
     table
 }
 
-fn overview(found: &[Inflated], peaks: &[Peak]) -> table::Table {
+fn overview(found: &[Inflated], peaks: &[Peak], scene: &Scene) -> table::Table {
     let header = [
         "pattern",
         "outcome",
@@ -255,10 +251,10 @@ fn overview(found: &[Inflated], peaks: &[Peak]) -> table::Table {
     for (index, (one, peak)) in found.iter().zip(peaks).enumerate() {
         let or_dash = |text: String| if is_stable(one) { text } else { "-".to_owned() };
         let hundredths = |mm: f64| (100.0 * mm).round() / 100.0;
-        let [x, y] = peak.at_mm;
+        let [x, y] = at_mm(peak, scene);
         table.add_row([
             index.to_string(),
-            outcome(one),
+            outcome(one, scene),
             or_dash(format!("{} mm", four_digits(peak.mm))),
             or_dash(format!("{} mm", four_digits(peak.height))),
             or_dash(format!("{}, {} mm", hundredths(x), hundredths(y))),
@@ -269,22 +265,30 @@ fn overview(found: &[Inflated], peaks: &[Peak]) -> table::Table {
     table
 }
 
-/// The outcome for people, with the limit.
-fn outcome(one: &Inflated) -> String {
-    match one.outcome {
-        InflationOutcome::LimitPoint {
-            last_stable,
-            first_unstable,
-        } => format!(
-            "limit-point between {} and {} of the load",
-            four_digits(last_stable),
-            four_digits(first_unstable)
-        ),
-        other => other.name().to_owned(),
+/// The largest load with a stable equilibrium, if that of the scene has none: in Pa or in ml.
+fn limit(one: &Inflated, scene: &Scene) -> Option<Pressurised> {
+    match (one.outcome, scene.pressurised()?) {
+        (InflationOutcome::LimitPoint { last_stable, .. }, Pressurised::Pressure(load)) => {
+            Some(Pressurised::Pressure(last_stable * load))
+        }
+        (InflationOutcome::LimitPoint { last_stable, .. }, Pressurised::Volume(load)) => {
+            Some(Pressurised::Volume(last_stable * load))
+        }
+        _ => None,
     }
 }
 
-fn document((index, (one, peak)): (usize, (&Inflated, &Peak))) -> Value {
+/// The outcome for people, with the limit.
+fn outcome(one: &Inflated, scene: &Scene) -> String {
+    let name = one.outcome.name();
+    match limit(one, scene) {
+        Some(Pressurised::Pressure(pascals)) => format!("{name} at {} Pa", four_digits(pascals)),
+        Some(Pressurised::Volume(millilitres)) => format!("{name} at {} ml", four_digits(millilitres)),
+        None => name.to_owned(),
+    }
+}
+
+fn document((index, (one, peak)): (usize, (&Inflated, &Peak)), scene: &Scene) -> Value {
     let mut document = json!({
         "index": index,
         "outcome": one.outcome.name(),
@@ -295,7 +299,7 @@ fn document((index, (one, peak)): (usize, (&Inflated, &Peak))) -> Value {
         InflationOutcome::Converged => json!({
             "largest_displacement_mm": peak.mm,
             "height_mm": peak.height,
-            "at_mm": peak.at_mm,
+            "at_mm": at_mm(peak, scene),
             "pressure_pa": one.pressure,
             "volume_ml": one.volume,
             "wrinkled_fraction": one.compressed,
@@ -314,5 +318,13 @@ fn document((index, (one, peak)): (usize, (&Inflated, &Peak))) -> Value {
         let motions = json!({ "body_translation_mm": translations, "body_rotation_deg": rotations });
         extend(&mut document, motions);
     }
+    extend(
+        &mut document,
+        match limit(one, scene) {
+            Some(Pressurised::Pressure(pascals)) => json!({ "limit_pa": pascals }),
+            Some(Pressurised::Volume(millilitres)) => json!({ "limit_ml": millilitres }),
+            None => json!({}),
+        },
+    );
     document
 }

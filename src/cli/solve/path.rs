@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use super::SolveArguments;
 use super::simulation::{Form, PatternSolver, Simulation, States};
+use super::{SolveArguments, inflation_path};
 use crate::job::{Attachments, JobResult, extend};
 use crate::results::with_error;
 use crate::text::Text;
@@ -32,7 +32,7 @@ const FORM: Form = Form {
     has_attachments: true,
     states: States::Drive,
     without_covered_cells: None,
-    without_pressure: Some("`--path`"),
+    without_pressure: None,
 };
 
 /// Follows the load paths of patterns.
@@ -41,6 +41,9 @@ const FORM: Form = Form {
 /// When a file would be lost, the scene or a pattern cannot be used, memory is short, or a file cannot be written.
 pub fn execute(arguments: &SolveArguments, parameter: PathParameter, output: &Output) -> Result<Exit, CliError> {
     let simulation = Simulation::read(arguments, &FORM)?;
+    if simulation.scene.loads.is_some() {
+        return inflation_path::execute(simulation, parameter, output);
+    }
     let scene = resolve(&simulation.scene)?;
     let options = arguments.options();
     let solvers = PatternSolver::new(&scene, |scene| {
@@ -106,7 +109,7 @@ fn no_path(reason: NoPath, parameter: PathParameter) -> CliError {
             CliError::failure("the membrane has no stable state without voltage under its loads, where a path starts")
                 .help("lower the `load` of its sides and bodies, or mount it at a smaller `prestretch`")
         }
-        (NoPath::Start, PathParameter::Load | PathParameter::Displacement) => {
+        (NoPath::Start, _) => {
             let (missing, name) = ("at the voltage of the scene without its", parameter.name());
             CliError::failure(format!(
                 "the membrane has no stable state {missing} {name}, where this path starts"
@@ -438,7 +441,8 @@ fn load_paths(patterns: &[Pattern], followed: &[PatternPath], scene: Scene) -> L
     }
 }
 
-fn offsets(lengths: impl Iterator<Item = usize>) -> Vec<u64> {
+/// Returns the sums of lengths, from 0 on.
+pub fn offsets(lengths: impl Iterator<Item = usize>) -> Vec<u64> {
     let sums = lengths.scan(0, |sum, length| {
         *sum += length as u64;
         Some(*sum)

@@ -328,12 +328,17 @@ impl FlatStability {
     /// Returns in how many motions out of its plane a flat state is unstable. `None` if a pivot is exactly zero, or
     /// memory is short.
     pub fn unstable<L: Material>(&self, operator: &Operator<'_, L>, u: &[f64]) -> Option<usize> {
+        self.unstable_beyond(NEARLY_ZERO, operator, u)
+    }
+
+    /// As [`FlatStability::unstable`], where this share of the Laplacian counts as zero.
+    pub fn unstable_beyond<L: Material>(&self, zero: f64, operator: &Operator<'_, L>, u: &[f64]) -> Option<usize> {
         // A membrane without held nodes can leave its plane as a whole, which nothing resists.
         if !self.heights.moves() || !self.is_held {
             return Some(0);
         }
         let mut stiffness = self.heights.stiffness(operator, u);
-        add(&mut stiffness, NEARLY_ZERO, &self.laplacian);
+        add(&mut stiffness, zero, &self.laplacian);
         let factors = self.heights.sparsity.factors(&stiffness)?;
         Some(self.heights.sparsity.negative_pivots(&factors))
     }

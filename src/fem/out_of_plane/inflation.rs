@@ -9,19 +9,18 @@
 
 use std::sync::Arc;
 
-use deaflow_base::{Stream, is_interrupted};
-
-use super::flat::OutOfPlane;
+use super::flat::{FlatStability, OutOfPlane};
+use super::goals::Goals;
 use super::lifted::{Lifted, bodies};
-use super::surface::{Linearised, Surface, Totals};
+use super::surface::{Surface, Totals};
+use super::system::{End, System};
 use crate::effects::WithMaterial;
-use crate::eigenvalue::{add, dot};
+use crate::eigenvalue::dot;
 use crate::error::SetupError;
 use crate::material::Material;
 use crate::newton::norm;
-use crate::operator::Activity;
+use crate::operator::{Activity, Operator};
 use crate::precondition::{Laplacian, LaplacianScratch};
-use crate::rigid::Pose;
 use crate::sheet::lifts;
 use crate::solver::{MembraneSolver, SolveOptions};
 use crate::work::WorkLimit;
@@ -33,20 +32,24 @@ use deaflow_scene::{Pressurised, Scene};
 const MOST_STEPS: u32 = 40;
 /// Most halvings of a step.
 const MOST_HALVINGS: i32 = 20;
-/// Most sizes at which the potential is compared on leaving the plane.
-const MOST_GUESSES: u32 = 60;
-/// Most conjugate-gradient iterations of a step.
-const MOST_ITERATIONS: u32 = 600;
-/// Share of the load between a stable state and none at which the search ends.
-const BRACKET: f64 = 1e-3;
+/// Distance between a stable state and none at which the search ends, relative to their loads.
+pub(crate) const BRACKET: f64 = 5e-4;
+/// Share of the load below which no state is searched.
+const SMALLEST: f64 = 1e-6;
+/// A load without dimension that counts as none: squares of its forces would not be numbers.
+const NONE: f64 = 1e-100;
 /// Most loads at which a state is searched.
 const MOST_LOADS: u32 = 60;
 /// Decrease of the potential, relative to that of the linear model, that a step has to reach.
 const ARMIJO: f64 = 1e-4;
+/// The same where the potential is known to rounding only: share of the slope along a step that may be left.
+const LEFT: f64 = 0.9;
+/// Share of the Laplacian that is rounding of the stress of a flat membrane without tension.
+const NO_TENSION: f64 = 1e-12;
 /// ρ in units of the stiffness of the membrane against a pressure.
 const STIFF: f64 = 10.0;
-/// Work of an iteration in units of [`WorkLimit`]: three components in double precision.
-const WORK: u64 = 10;
+/// Residual of the change of a state with its volume.
+const ALONG: f64 = 1e-8;
 /// Compression below this share of the largest tension of a point is rounding.
 const ROUNDING: f64 = 1e-6;
 
@@ -113,9 +116,43 @@ pub struct SpatialMotion {
     pub rotation: f64,
 }
 
+/// The largest displacement of a membrane in space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Peak {
+    /// Its size, mm.
+    pub mm: f64,
+    /// The part of it out of the plane, mm.
+    pub height: f64,
+    /// Column and row of its corner of cells.
+    pub corner: [usize; 2],
+}
+
+impl Peak {
+    /// Finds the corner of cells that moves most.
+    #[must_use]
+    pub fn of(displacement: &Field, heights: &[f64]) -> Self {
+        let [columns, _] = displacement.raster().corner_sides();
+        let corners = heights.iter().enumerate().map(|(at, height)| {
+            let corner = [at % columns, at / columns];
+            let [u, v] = displacement.at_corner(corner[0], corner[1]);
+            Self {
+                mm: u.hypot(v).hypot(*height),
+                height: *height,
+                corner,
+            }
+        });
+        let none = Self {
+            mm: 0.0,
+            height: 0.0,
+            corner: [0; 2],
+        };
+        corners.fold(none, |best, one| if one.mm > best.mm { one } else { best })
+    }
+}
+
 /// What is given.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Given {
+pub(crate) enum Given {
     Pressure,
     Volume,
 }
@@ -196,6 +233,50 @@ impl InflationSolver {
         }
     }
 
+    /// Prepares the search of equilibria with a law.
+    pub(crate) fn search<'a, L: Material>(&'a self, law: &'a L, activity: &'a Activity) -> Search<'a, L> {
+        let (laplacian, level) = (&*self.solver.laplacian, &*self.level);
+        Search {
+            given: self.given,
+            tolerance: self.solver.tolerance,
+            limit: self.solver.limit,
+            scratches: [laplacian.scratch(), level.scratch()],
+            laplacian,
+            level,
+            surface: Surface {
+                material: law,
+                activity,
+                heights: &self.heights,
+                bodies: &self.bodies,
+                share: 1.0,
+            },
+            tension: 1.0,
+            steps: 0,
+            iterations: 0,
+        }
+    }
+
+    /// Returns the solver of flat states.
+    pub(crate) fn flat(&self) -> &MembraneSolver {
+        &self.solver
+    }
+
+    /// Returns the load without dimension.
+    pub(crate) fn load(&self) -> f64 {
+        self.load
+    }
+
+    /// Returns Pa and ml of one unit.
+    pub(crate) fn units(&self) -> [f64; 2] {
+        self.units
+    }
+
+    /// Returns a displacement in the plane, and out of it, at the corners of cells.
+    pub(crate) fn sample(&self, x: &[f64]) -> (Field, Vec<f64>) {
+        let (planar, height) = x.split_at(2 * (x.len() / 3));
+        (self.solver.grid.sample(planar), self.solver.grid.sample_heights(height))
+    }
+
     /// Finds the equilibrium of a pattern.
     #[must_use]
     pub fn solve(&self, pattern: &Pattern) -> Inflated {
@@ -219,11 +300,12 @@ impl InflationSolver {
                 start: found.x,
             });
         }
+        let (displacement, heights) = self.sample(&found.x);
         let (planar, height) = found.x.split_at(2 * plane);
         Inflated {
             outcome: found.outcome,
-            displacement: self.solver.grid.sample(planar),
-            heights: self.solver.grid.sample_heights(height),
+            displacement,
+            heights,
             pressure: self.units[0] * found.pressure,
             volume: self.units[1] * found.volume,
             bodies: self.motions(planar, height),
@@ -269,80 +351,55 @@ impl WithMaterial for Inflate<'_> {
     type Output = Found;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Found {
-        let material = material(1.0);
-        let surface = Surface {
-            material: &material,
-            activity: self.activity,
-            heights: &self.solver.heights,
-            bodies: &self.solver.bodies,
-            share: 1.0,
-        };
-        let (laplacian, level) = (&*self.solver.solver.laplacian, &*self.solver.level);
-        let mut search = Search {
-            given: self.solver.given,
-            tolerance: self.solver.solver.tolerance,
-            limit: self.solver.solver.limit,
-            scratches: [laplacian.scratch(), level.scratch()],
-            laplacian,
-            level,
-            surface,
-            steps: 0,
-            iterations: 0,
-        };
-        search.raise(self.start, self.solver.load)
+        let law = material(1.0);
+        let mut search = self.solver.search(&law, self.activity);
+        let (state, outcome) = search.raise(self.start, self.solver.load);
+        Found {
+            outcome,
+            pressure: state.pressure,
+            volume: search.volume(&state.x),
+            compressed: search.compressed(&state.x),
+            x: state.x,
+            steps: search.steps,
+            iterations: search.iterations,
+        }
     }
 }
 
 /// Why a state was not found.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Failure {
+pub(crate) enum Failure {
     /// No stable state.
     Lost,
     /// The work limit, or an interruption.
     Work,
 }
 
-struct Search<'a, L> {
-    given: Given,
+pub(crate) struct Search<'a, L> {
+    pub given: Given,
     tolerance: f64,
-    limit: WorkLimit,
+    pub(super) limit: WorkLimit,
     /// The inverse Laplacians for the components in the plane, and for heights.
-    laplacian: &'a Laplacian,
-    level: &'a Laplacian,
-    scratches: [LaplacianScratch; 2],
-    surface: Surface<'a, L>,
-    steps: u32,
-    iterations: u32,
+    pub(super) laplacian: &'a Laplacian,
+    pub(super) level: &'a Laplacian,
+    pub(super) scratches: [LaplacianScratch; 2],
+    pub(super) surface: Surface<'a, L>,
+    /// Tension against small motions out of the plane, in units of that of a large prestretch: for the preconditioner.
+    pub tension: f64,
+    pub steps: u32,
+    pub iterations: u32,
 }
 
 /// A state and its pressure.
 #[derive(Clone)]
-struct State {
-    x: Vec<f64>,
-    pressure: f64,
-}
-
-/// The system of a step: K, at a pressure, plus ρ b bᵀ.
-struct System<'a> {
-    at: &'a Linearised,
-    pressure: f64,
-    /// b, and its image by the preconditioner.
-    pressed: &'a [f64],
-    image: &'a [f64],
-    rho: f64,
-}
-
-/// How conjugate gradients ended.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum End {
-    Solved,
-    NegativeCurvature,
-    /// Too many iterations, without negative curvature.
-    Iterations,
+pub(crate) struct State {
+    pub x: Vec<f64>,
+    pub pressure: f64,
 }
 
 impl<L: Material> Search<'_, L> {
-    fn raise(&mut self, start: Vec<f64>, load: f64) -> Found {
+    /// Raises the load from a flat state.
+    pub fn raise(&mut self, start: Vec<f64>, load: f64) -> (State, InflationOutcome) {
         let mut state = State {
             x: start,
             pressure: 0.0,
@@ -351,7 +408,7 @@ impl<L: Material> Search<'_, L> {
         let mut outcome = InflationOutcome::Converged;
         let mut loads = 0;
         let is_lifted = self.surface.bodies.iter().any(|body| body.lift().load != 0.0);
-        let is_loaded = load != 0.0 || is_lifted;
+        let is_loaded = load.abs() >= NONE || is_lifted;
         if !is_loaded {
             outcome = match self.probe_flat(&state) {
                 Ok(()) => InflationOutcome::Converged,
@@ -376,7 +433,7 @@ impl<L: Material> Search<'_, L> {
                     outcome = InflationOutcome::WorkLimit;
                     break;
                 }
-                Err(Failure::Lost) if step <= BRACKET || loads >= MOST_LOADS => {
+                Err(Failure::Lost) if share - reached <= BRACKET * share || share < SMALLEST || loads >= MOST_LOADS => {
                     outcome = InflationOutcome::LimitPoint {
                         last_stable: reached,
                         first_unstable: share,
@@ -386,40 +443,54 @@ impl<L: Material> Search<'_, L> {
                 Err(Failure::Lost) => step = 0.5 * (share - reached),
             }
         }
-        let volume = self.totals(&state.x).map_or(0.0, |totals| totals.volume);
-        Found {
-            outcome,
-            pressure: state.pressure,
-            volume,
-            compressed: self
-                .surface
-                .linearise(&state.x)
-                .map_or(0.0, |at| at.compressed(ROUNDING)),
-            x: state.x,
-            steps: self.steps,
-            iterations: self.iterations,
-        }
+        (state, outcome)
     }
 
-    /// Returns whether the flat state is stable without pressure, or with the volume 0.
-    fn probe_flat(&mut self, state: &State) -> Result<(), Failure> {
+    /// Returns the volume between a state and its plane; 0 where the law is not defined.
+    pub fn volume(&self, x: &[f64]) -> f64 {
+        self.totals(x).map_or(0.0, |totals| totals.volume)
+    }
+
+    /// Returns the share of the membrane that is compressed.
+    pub fn compressed(&self, x: &[f64]) -> f64 {
+        let at = self.surface.linearise(x);
+        at.map_or(0.0, |at| at.compressed(ROUNDING))
+    }
+
+    /// Returns whether the flat state, which is stable in its plane, is stable out of it without pressure, or with the
+    /// volume 0.
+    pub fn probe_flat(&mut self, state: &State) -> Result<(), Failure> {
+        // Bodies, which have a height here, stay in the plane there.
+        if self.surface.bodies.is_empty() {
+            let activity = self.surface.activity;
+            let flat = FlatStability::new(activity.grid()).ok_or(Failure::Lost)?;
+            let planar = &state.x[..2 * (state.x.len() / 3)];
+            let operator = Operator::new(self.surface.material, activity);
+            if flat.unstable_beyond(NO_TENSION, &operator, planar) == Some(0) {
+                return Ok(());
+            }
+            if self.given == Given::Pressure {
+                return Err(Failure::Lost);
+            }
+        }
+        // A volume holds one motion.
         let (mut forces, mut pressed) = (vec![0.0; state.x.len()], vec![0.0; state.x.len()]);
         self.surface
             .evaluate(&state.x, &mut forces, &mut pressed)
             .ok_or(Failure::Lost)?;
         let at = self.surface.linearise(&state.x).ok_or(Failure::Lost)?;
         let image = self.precondition(&at.poses, &pressed);
-        let system = System {
+        self.probe(&System {
             at: &at,
             pressure: 0.0,
             pressed: &pressed,
-            image: &image,
             rho: match self.given {
                 Given::Pressure => 0.0,
                 Given::Volume => STIFF / dot(&pressed, &image),
             },
-        };
-        self.probe(&system)
+            image: &image,
+            goals: Goals::EQUAL,
+        })
     }
 
     fn totals(&self, x: &[f64]) -> Option<Totals> {
@@ -429,9 +500,9 @@ impl<L: Material> Search<'_, L> {
     }
 
     /// Moves a state to the equilibrium at a load.
-    fn settle(&mut self, state: &mut State, load: f64, from_flat: bool) -> Result<(), Failure> {
+    pub fn settle(&mut self, state: &mut State, load: f64, from_flat: bool) -> Result<(), Failure> {
         if from_flat {
-            self.guess(state, load);
+            self.leave(state, load);
         }
         match self.given {
             Given::Pressure => {
@@ -439,56 +510,6 @@ impl<L: Material> Search<'_, L> {
                 self.minimise(state)
             }
             Given::Volume => self.fill(state, load),
-        }
-    }
-
-    /// Leaves the flat state along the solution of Laplace's equation for the load: as far as the potential falls, or
-    /// to the volume.
-    fn guess(&mut self, state: &mut State, load: f64) {
-        let (mut forces, mut pressed) = (vec![0.0; state.x.len()], vec![0.0; state.x.len()]);
-        if self.surface.evaluate(&state.x, &mut forces, &mut pressed).is_none() {
-            return;
-        }
-        let (poses, lifts) = (self.surface.poses(&state.x), self.surface.lifts());
-        let lifted = self.precondition(&poses, &lifts);
-        let mut shape = self.precondition(&poses, &pressed);
-        if self.given == Given::Volume {
-            state.x = combined(&state.x, 1.0, &lifted);
-        } else {
-            shape = combined(&lifted, load, &shape);
-        }
-        let moved = |size: f64| combined(&state.x, size, &shape);
-        let size = match self.given {
-            Given::Volume => (load - dot(&lifted, &pressed)) / dot(&shape, &pressed),
-            Given::Pressure => {
-                let potential = |size: f64| {
-                    let totals = self.totals(&moved(size));
-                    totals.map_or(f64::INFINITY, |totals| totals.energy - load * totals.volume)
-                };
-                // From the size of a membrane with the tension of its prestretch, by factors of two.
-                let mut best = (potential(0.0), 0.0);
-                let mut size = 1.0;
-                let mut factor = None;
-                for _ in 0..MOST_GUESSES {
-                    let found = potential(size);
-                    let falls = found < best.0;
-                    if falls {
-                        best = (found, size);
-                    }
-                    // Further out while the potential falls; without a fall at first, further in until it does.
-                    let first = if falls { 2.0 } else { 0.5 };
-                    let factor = *factor.get_or_insert(first);
-                    if (factor > 1.0) != falls {
-                        break;
-                    }
-                    size *= factor;
-                }
-                best.1
-            }
-        };
-        state.x = self.surface.settled(moved(size));
-        if self.given == Given::Volume && self.surface.evaluate(&state.x, &mut forces, &mut pressed).is_some() {
-            state.pressure = dot(&forces, &shape) / dot(&pressed, &shape);
         }
     }
 
@@ -506,10 +527,10 @@ impl<L: Material> Search<'_, L> {
             .surface
             .evaluate(&state.x, &mut forces, &mut pressed)
             .ok_or(Failure::Lost)?;
-        let goal = self.tolerance * self.pull(p, &pressed);
+        let goals = Goals::new(self.tolerance * self.pull(p, &pressed), &totals);
         for _ in 0..MOST_STEPS {
             let residual = combined(&forces, -p, &pressed);
-            let size = norm(&residual);
+            let size = goals.size(&residual);
             let at = self.surface.linearise(&state.x).ok_or(Failure::Lost)?;
             let system = System {
                 at: &at,
@@ -517,14 +538,14 @@ impl<L: Material> Search<'_, L> {
                 pressed: &pressed,
                 image: &pressed,
                 rho: 0.0,
+                goals,
             };
-            if size <= goal {
+            if size <= 1.0 {
                 return self.probe(&system);
             }
-            let forcing = (size / self.pull(p, &pressed)).sqrt().clamp(1e-3, 0.1);
+            let forcing = (self.tolerance * size).sqrt().clamp(1e-3, 0.1);
             let (step, end) = self.solve(&system, &residual, forcing)?;
             let slope = -dot(&residual, &step);
-            let before = totals.energy - p * totals.volume;
             let mut accepted = false;
             for halvings in 0..MOST_HALVINGS {
                 let length = 0.5_f64.powi(halvings);
@@ -532,8 +553,13 @@ impl<L: Material> Search<'_, L> {
                 let Some(found) = self.surface.evaluate(&trial, &mut trial_forces, &mut trial_pressed) else {
                     continue;
                 };
-                let falls = found.energy - p * found.volume <= before + ARMIJO * length * slope;
-                let is_smaller = norm(&combined(&trial_forces, -p, &trial_pressed)) < size;
+                let rise = found.energy - totals.energy - p * (found.volume - totals.volume);
+                let left = combined(&trial_forces, -p, &trial_pressed);
+                let falls = match rise.abs() > Goals::of_energy(&totals) {
+                    true => rise <= ARMIJO * length * slope,
+                    false => dot(&left, &step).abs() <= LEFT * slope.abs(),
+                };
+                let is_smaller = goals.size(&left) < size;
                 if falls || (is_smaller && end == End::Solved) {
                     state.x = trial;
                     totals = found;
@@ -552,7 +578,7 @@ impl<L: Material> Search<'_, L> {
     }
 
     /// Finds the equilibrium with a volume.
-    fn fill(&mut self, state: &mut State, volume: f64) -> Result<(), Failure> {
+    pub fn fill(&mut self, state: &mut State, volume: f64) -> Result<(), Failure> {
         let len = state.x.len();
         let (mut forces, mut pressed) = (vec![0.0; len], vec![0.0; len]);
         let lifts = self.surface.lifts();
@@ -567,20 +593,22 @@ impl<L: Material> Search<'_, L> {
             let at = self.surface.linearise(&state.x).ok_or(Failure::Lost)?;
             let image = self.precondition(&at.poses, &pressed);
             let flexibility = dot(&pressed, &image);
+            let reference = self.pull(p.abs().max(volume.abs() / flexibility), &pressed);
             let system = System {
                 at: &at,
                 pressure: p,
                 pressed: &pressed,
                 image: &image,
                 rho: STIFF / flexibility,
+                goals: Goals::new(self.tolerance * reference, &totals),
             };
-            let reference = self.pull(p.abs().max(volume.abs() / flexibility), &pressed);
             // The volume may be that of a hub that is pulled out of the membrane above none.
             let largest = volume.abs() + dot(&lifts, &image).abs();
-            if norm(&residual) <= self.tolerance * reference && missing.abs() <= 1e-10 * largest {
+            let size = system.goals.size(&residual);
+            if size <= 1.0 && missing.abs() <= 1e-10 * largest {
                 return self.probe(&system);
             }
-            let forcing = (norm(&residual) / reference).sqrt().clamp(1e-6, 1e-2);
+            let forcing = (self.tolerance * size).sqrt().clamp(1e-6, 1e-2);
             let right = combined(&residual, -system.rho * missing, &pressed);
             let (back, first) = self.solve(&system, &right, forcing)?;
             let (along, second) = self.solve(&system, &pressed, 1e-3 * forcing.min(1e-3))?;
@@ -607,88 +635,32 @@ impl<L: Material> Search<'_, L> {
         Err(Failure::Lost)
     }
 
-    /// Returns whether a system is positive definite, as far as a random load shows.
-    fn probe(&mut self, system: &System<'_>) -> Result<(), Failure> {
-        let mut stream = Stream::new(0, "stability under pressure", 0);
-        let mut load: Vec<f64> = (0..self.surface.len()).map(|_| stream.normal()).collect();
-        self.surface.restrict(&system.at.poses, &mut load);
-        match self.solve(system, &load, 1e-3)? {
-            (_, End::Solved | End::Iterations) => Ok(()),
-            (_, End::NegativeCurvature) => Err(Failure::Lost),
+    /// Returns dp/dVol along the equilibria through a state, and the change of the state with the volume.
+    pub fn per_volume(&mut self, state: &State) -> Result<(f64, Vec<f64>), Failure> {
+        let [mut forces, mut pressed] = [(); 2].map(|()| vec![0.0; state.x.len()]);
+        self.surface
+            .evaluate(&state.x, &mut forces, &mut pressed)
+            .ok_or(Failure::Lost)?;
+        let at = self.surface.linearise(&state.x).ok_or(Failure::Lost)?;
+        let image = self.precondition(&at.poses, &pressed);
+        let system = System {
+            at: &at,
+            pressure: state.pressure,
+            pressed: &pressed,
+            rho: STIFF / dot(&pressed, &image),
+            image: &image,
+            goals: Goals::EQUAL,
+        };
+        let (along, end) = self.solve(&system, &pressed, ALONG)?;
+        if end != End::Solved {
+            return Err(Failure::Lost);
         }
-    }
-
-    /// Solves a system to a relative residual by preconditioned conjugate gradients.
-    fn solve(&mut self, system: &System<'_>, right: &[f64], forcing: f64) -> Result<(Vec<f64>, End), Failure> {
-        let mut solution = vec![0.0; right.len()];
-        let mut residual = right.to_vec();
-        let goal = forcing * norm(right);
-        let mut z = self.preconditioned(system, &residual);
-        let mut direction = z.clone();
-        let mut product = dot(&residual, &z);
-        let mut image = vec![0.0; right.len()];
-        for iteration in 0..MOST_ITERATIONS {
-            let work = WORK * u64::from(self.iterations);
-            if self.limit.is_spent(work) || is_interrupted() {
-                return Err(Failure::Work);
-            }
-            self.surface.tangent(system.at, system.pressure, &direction, &mut image);
-            if system.rho != 0.0 {
-                let factor = system.rho * dot(system.pressed, &direction);
-                add(&mut image, factor, system.pressed);
-            }
-            self.iterations += 1;
-            let curvature = dot(&direction, &image);
-            if curvature.is_nan() || curvature <= 0.0 {
-                if iteration == 0 {
-                    solution.copy_from_slice(&direction);
-                }
-                return Ok((solution, End::NegativeCurvature));
-            }
-            let length = product / curvature;
-            add(&mut solution, length, &direction);
-            add(&mut residual, -length, &image);
-            if norm(&residual) <= goal {
-                return Ok((solution, End::Solved));
-            }
-            z = self.preconditioned(system, &residual);
-            let next = dot(&residual, &z);
-            let factor = next / product;
-            product = next;
-            direction.iter_mut().zip(&z).for_each(|(d, z)| *d = z + factor * *d);
-        }
-        Ok((solution, End::Iterations))
-    }
-
-    /// Applies the inverse of the Laplacian of each component, plus ρ b bᵀ.
-    fn preconditioned(&mut self, system: &System<'_>, vector: &[f64]) -> Vec<f64> {
-        let mut z = self.precondition(&system.at.poses, vector);
-        if system.rho != 0.0 {
-            let flexibility = dot(system.pressed, system.image);
-            let factor = system.rho * dot(system.pressed, &z) / (1.0 + system.rho * flexibility);
-            add(&mut z, -factor, system.image);
-        }
-        z
-    }
-
-    fn precondition(&mut self, poses: &[Pose], vector: &[f64]) -> Vec<f64> {
-        let plane = vector.len() / 3;
-        let single = |values: &[f64]| -> Vec<f32> { values.iter().map(|value| *value as f32).collect() };
-        let mut z = vec![0.0_f32; 2 * plane];
-        let [scratch, of_heights] = &mut self.scratches;
-        self.laplacian
-            .solve(&single(&vector[..2 * plane]), poses, &mut z, scratch);
-        let mut all: Vec<f64> = z.iter().map(|value| f64::from(*value)).collect();
-        let mut height = single(&vector[2 * plane..]);
-        height.resize(2 * plane, 0.0);
-        let flat = vec![Pose::REST; poses.len()];
-        self.level.solve(&height, &flat, &mut z, of_heights);
-        all.extend(z[..plane].iter().map(|value| f64::from(*value)));
-        self.surface.restrict(poses, &mut all);
-        all
+        let flexibility = dot(&pressed, &along);
+        let change = along.iter().map(|along| along / flexibility).collect();
+        Ok((1.0 / flexibility - system.rho, change))
     }
 }
 
-fn combined(a: &[f64], factor: f64, b: &[f64]) -> Vec<f64> {
+pub(crate) fn combined(a: &[f64], factor: f64, b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a + factor * b).collect()
 }

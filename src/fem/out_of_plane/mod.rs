@@ -2,10 +2,14 @@
 //! under forces on bodies.
 
 mod flat;
+mod goals;
 mod inflation;
+mod leaving;
 mod lifted;
 mod point;
 mod surface;
+mod system;
 
 pub(super) use flat::{FlatStability, Lowest, OutOfPlane};
-pub use inflation::{Inflated, InflationOutcome, InflationSolver, SpatialMotion};
+pub(super) use inflation::{BRACKET, Failure, Given, Search, State, combined};
+pub use inflation::{Inflated, InflationOutcome, InflationSolver, Peak, SpatialMotion};

@@ -20,7 +20,7 @@ use crate::rigid::Pose;
 use crate::supports::Supports;
 
 /// A membrane that can leave its plane.
-pub(super) struct Surface<'a, L> {
+pub(crate) struct Surface<'a, L> {
     pub material: &'a L,
     pub activity: &'a Activity,
     pub heights: &'a OutOfPlane,
@@ -30,14 +30,17 @@ pub(super) struct Surface<'a, L> {
 }
 
 /// Energy and volume of a state.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Totals {
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Totals {
     pub energy: f64,
     pub volume: f64,
+    /// The size of the forces in the plane, and out of it, before those of neighbours cancel: their rounding is in
+    /// proportion, and so is that of the energy to the square of the first.
+    pub uncancelled: [f64; 2],
 }
 
 /// Stress, moduli and heights at all points of a state, and the poses of bodies.
-pub(super) struct Linearised {
+pub(crate) struct Linearised {
     points: Vec<(PointState, f64)>,
     pub poses: Vec<Pose>,
     /// Curvatures of the rotations of bodies: by the forces of the elements, and by those of a unit pressure with the
@@ -135,10 +138,7 @@ impl<L: Material> Surface<'_, L> {
     ) -> Option<Totals> {
         forces.fill(0.0);
         pressed.fill(0.0);
-        let mut totals = Totals {
-            energy: 0.0,
-            volume: 0.0,
-        };
+        let mut totals = Totals::default();
         for element in membrane(self.grid()) {
             let nodes = self.grid().nodes_of::<N>(element);
             let nodal = self.nodal(x, &nodes);
@@ -151,12 +151,18 @@ impl<L: Material> Surface<'_, L> {
                 totals.energy += areas[q] * self.material.energy(u, active);
                 let second = second_stress(self.material, u, active);
                 stress[q] = gradients[q].map(|row| apply(second, row));
+                let [x, y] = gradients[q][2];
+                // Stress is the difference of parts of the size of the shear modulus, which is 1.
+                let square = areas[q] * (1.0 + contract(second, second));
+                totals.uncancelled[0] += square;
+                totals.uncancelled[1] += square * (x * x + y * y);
             }
             self.add_to(forces, &nodes, &self.forces_of::<E, N>(element, &stress));
             let volumes = self.pressed::<E, N>(element, &areas, &gradients, &heights);
             totals.volume += volumes.0;
             self.add_to(pressed, &nodes, &volumes.1);
         }
+        totals.uncancelled = totals.uncancelled.map(f64::sqrt);
         Some(totals)
     }
 

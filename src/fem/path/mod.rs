@@ -1,5 +1,5 @@
 //! Load paths: equilibria of a membrane from rest to the loss of stability and beyond, with rising voltage, or at
-//! constant voltage with rising loads or given motions of bars.
+//! constant voltage with rising loads or given motions of bars, or a rising pressure or volume below the membrane.
 //!
 //! A solution at one voltage shows whether the membrane is stable there. A path shows how it gets there and what ends
 //! it: a fold, where the voltage has a maximum along the curve of equilibria and the membrane snaps; a bifurcation,
@@ -7,6 +7,7 @@
 
 pub(super) mod curve;
 mod flat_watch;
+mod inflation;
 pub(super) mod trace;
 
 use deaflow_field::{Field, Motion};
@@ -27,6 +28,7 @@ use super::solver::{MembraneSolver, SolveOptions};
 
 use curve::Curve;
 use flat_watch::{FlatLimit, FlatWatch};
+pub use inflation::{InflationPath, InflationPathSolver, InflationPoint};
 use trace::{PathState, Trace, follow};
 
 /// What changes along a path.
@@ -38,19 +40,31 @@ pub enum PathParameter {
     Load,
     /// The given displacements of bars, from 0 to those of the scene, at its voltage.
     Displacement,
+    /// The pressure below the membrane, from 0 to that of the scene or to the largest one.
+    Pressure,
+    /// The volume below the membrane, from 0 to that of the scene.
+    Volume,
 }
 
 impl PathParameter {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Voltage, Self::Load, Self::Displacement];
+    pub const ALL: [Self; 5] = [
+        Self::Voltage,
+        Self::Load,
+        Self::Displacement,
+        Self::Pressure,
+        Self::Volume,
+    ];
 
-    /// Returns the word for it: `voltage`, `load`, `displacement`.
+    /// Returns the word for it: `voltage`, `load`, `displacement`, `pressure`, `volume`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Voltage => "voltage",
             Self::Load => "load",
             Self::Displacement => "displacement",
+            Self::Pressure => "pressure",
+            Self::Volume => "volume",
         }
     }
 
@@ -59,7 +73,7 @@ impl PathParameter {
         match self {
             Self::Voltage => [share, 1.0],
             Self::Load => [1.0, share],
-            Self::Displacement => [1.0; 2],
+            Self::Displacement | Self::Pressure | Self::Volume => [1.0; 2],
         }
     }
 
@@ -82,6 +96,7 @@ impl PathParameter {
                 .without_displacements()
                 .map(Some)
                 .ok_or(SetupError::NoDisplacements),
+            Self::Pressure | Self::Volume => Err(SetupError::NoPressure),
         }
     }
 }
@@ -128,17 +143,19 @@ pub enum PathEnd {
     Recovered,
     /// 50 times the critical voltage of a fully active membrane was reached without a limit.
     NoLimit,
-    /// The full loads or displacements of the scene were reached.
+    /// The full loads or displacements of the scene were reached, or its pressure, volume or voltage under these.
     Complete,
     /// The maximum number of points was reached.
     Points,
     /// The next point was not found.
     Lost,
+    /// There is no stable state beyond, under a pressure or above a volume.
+    LimitPoint,
 }
 
 impl PathEnd {
     /// Returns the word used in files: `not-elliptic`, `slack`, `squeezed`, `recovered`, `no-limit`, `complete`,
-    /// `points`, `lost`.
+    /// `points`, `lost`, `limit-point`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -150,6 +167,7 @@ impl PathEnd {
             Self::Complete => "complete",
             Self::Points => "points",
             Self::Lost => "lost",
+            Self::LimitPoint => "limit-point",
         }
     }
 }
@@ -336,7 +354,7 @@ impl Follow<'_> {
     fn at(&self, share: f64) -> (f64, f64) {
         match self.parameter {
             PathParameter::Voltage => (share.max(0.0).sqrt() * self.voltage, 1.0),
-            PathParameter::Load | PathParameter::Displacement => (self.voltage, share),
+            _ => (self.voltage, share),
         }
     }
 

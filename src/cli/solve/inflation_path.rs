@@ -1,0 +1,314 @@
+//! `deaflow solve --path` of a scene with a pressure or a volume: curves of pressure, volume, height and voltage.
+
+use rayon::prelude::*;
+use serde_json::{Value, json};
+
+use super::inflation::{at_mm, breakdown, check, compressed, resolved};
+use super::path::offsets;
+use super::simulation::{PatternSolver, Simulation};
+use crate::job::{Attachments, JobResult};
+use crate::text::Text;
+use crate::{CliError, Exit, Output, csv, table};
+use deaflow_base::{Progress, four_digits};
+use deaflow_content::{CoveredCells, DrawnElectrodes, InflationPaths, Packed};
+use deaflow_fem::{InflationPath, InflationPathSolver, InflationPoint, NoPath, PathEnd, PathParameter, SetupError};
+use deaflow_pattern::Pattern;
+use deaflow_report::figures::{Branch, Limit, PathAxes, paths_sheet};
+use deaflow_scene::{Pressurised, Scene};
+
+/// Follows the paths of patterns under pressure.
+///
+/// # Errors
+/// When an option, the scene or a pattern cannot be used, or a file cannot be written.
+pub fn execute(simulation: Simulation<'_>, parameter: PathParameter, output: &Output) -> Result<Exit, CliError> {
+    let options = simulation.arguments.options();
+    check(simulation.arguments, &simulation)?;
+    let (scene, left_out) = resolved(&simulation)?;
+    let solvers = PatternSolver::new(&scene, |scene| InflationPathSolver::new(scene, options, parameter))
+        .map_err(|error| refused(error, &scene))?;
+    let follow = |pattern: &Pattern| -> Result<InflationPath, CliError> {
+        let path = solvers.with(pattern, |solver: &InflationPathSolver| solver.path(pattern))?;
+        simulation.job.bar.advance(1);
+        path.map_err(|reason| no_path(reason, parameter))
+    };
+    let paths = simulation
+        .patterns
+        .par_iter()
+        .map(follow)
+        .collect::<Result<Vec<_>, _>>()?;
+    let branches: Vec<Branch> = paths.iter().enumerate().map(branch).collect();
+    let axes = axes(parameter);
+    let result = JobResult {
+        patterns: paths.len(),
+        arrays: content(&simulation.patterns, &paths, &scene).object(),
+        parameters: simulation.parameters(&format!(", path of the {}", parameter.name())),
+        attachments: Some(Attachments {
+            title: "deaflow solve --path",
+            table: points_table(&paths)?,
+            draw: Box::new(move |figure| paths_sheet(&branches, &axes)?.write_png(figure)),
+        }),
+        warnings: left_out.into_iter().chain(warnings(&scene, &paths)).collect(),
+        document: json!({
+            "parameter": parameter.name(),
+            "paths": paths.iter().map(|path| document(path, &scene)).collect::<Vec<_>>(),
+        }),
+        text: Text::of(overview(&paths)),
+        exit: Exit::Done,
+    };
+    simulation.finish(result, output)
+}
+
+/// Adds what to do to the reason why a scene has no such path.
+fn refused(error: SetupError, scene: &Scene) -> CliError {
+    let help = match (&error, scene.pressurised()) {
+        (SetupError::PathUnderPressure { parameter }, Some(load)) => {
+            let own = match load {
+                Pressurised::Pressure(_) => "pressure",
+                Pressurised::Volume(_) => "volume",
+            };
+            Some(match *parameter {
+                "voltage" => format!("the scene has no voltage; use `--path={own}`"),
+                same if same == own => format!("the {own} of the scene is 0; give the last one of the path"),
+                other @ ("pressure" | "volume") => {
+                    let unit = if other == "volume" { "20 ml" } else { "500 Pa" };
+                    format!("use `--path={own}`, or give `loads: {{ {other}: {unit} }}`")
+                }
+                _ => format!("use `--path={own}`, or `--path` for one of the voltage"),
+            })
+        }
+        _ => None,
+    };
+    let error = CliError::from(error);
+    match help {
+        Some(help) => error.help(help),
+        None => error,
+    }
+}
+
+/// Returns why there is no path.
+fn no_path(reason: NoPath, parameter: PathParameter) -> CliError {
+    match reason {
+        NoPath::Memory => CliError::failure("not enough memory"),
+        NoPath::Start => {
+            let state = match parameter {
+                PathParameter::Voltage => "under its `loads` without voltage",
+                _ => "without `loads` at its voltage",
+            };
+            CliError::failure(format!(
+                "the membrane has no stable state {state}, where this path starts"
+            ))
+            .help("lower the load or the voltage, or mount the membrane at another `prestretch`")
+        }
+    }
+}
+
+/// The value along the horizontal axis of a figure.
+fn along(parameter: PathParameter, point: &InflationPoint) -> f64 {
+    match parameter {
+        PathParameter::Voltage => 1e-3 * point.voltage,
+        PathParameter::Volume => point.volume,
+        _ => point.pressure,
+    }
+}
+
+/// The value along the vertical axis.
+fn across(parameter: PathParameter, point: &InflationPoint) -> f64 {
+    match parameter {
+        PathParameter::Volume => point.pressure,
+        _ => point.peak.height,
+    }
+}
+
+fn axes(parameter: PathParameter) -> PathAxes {
+    let height = "Height of the point that moves most [mm]";
+    let [along, unit, across] = match parameter {
+        PathParameter::Voltage => ["Voltage [kV]", "kV", height],
+        PathParameter::Volume => ["Volume [ml]", "ml", "Pressure [Pa]"],
+        _ => ["Pressure [Pa]", "Pa", height],
+    };
+    PathAxes {
+        along: along.to_owned(),
+        unit: unit.to_owned(),
+        across: across.to_owned(),
+    }
+}
+
+/// Returns the point that ends the stable part, if one does.
+fn limit(path: &InflationPath) -> Option<&InflationPoint> {
+    path.points.last().filter(|_| path.end == PathEnd::LimitPoint)
+}
+
+fn largest(path: &InflationPath) -> Option<&InflationPoint> {
+    path.points.get(path.largest_pressure?)
+}
+
+/// Returns the curve of a path in the figure.
+fn branch((index, path): (usize, &InflationPath)) -> Branch {
+    let parameter = path.parameter;
+    let marked = limit(path).map(|point| (point, PathEnd::LimitPoint.name()));
+    let marked = marked.or_else(|| largest(path).map(|point| (point, "largest pressure")));
+    Branch {
+        name: format!("pattern {index}"),
+        along: path.points.iter().map(|point| along(parameter, point)).collect(),
+        across: path.points.iter().map(|point| across(parameter, point)).collect(),
+        stable: path.points.iter().map(|point| point.stable).collect(),
+        limit: marked.map(|(point, name)| Limit {
+            name: name.to_owned(),
+            along: along(parameter, point),
+            error: None,
+            across: across(parameter, point),
+        }),
+    }
+}
+
+fn warnings(scene: &Scene, paths: &[InflationPath]) -> Vec<String> {
+    let of_one = |(index, path): (usize, &InflationPath)| {
+        let most = path.points.iter().map(|point| point.compressed).fold(0.0, f64::max);
+        compressed(scene, index, most)
+    };
+    let of_all = paths.iter().enumerate().filter_map(of_one);
+    breakdown(scene).into_iter().chain(of_all).collect()
+}
+
+/// Describes a limit in what changes.
+fn place(parameter: PathParameter, point: &InflationPoint) -> String {
+    match parameter {
+        PathParameter::Voltage => format!("{} V", four_digits(point.voltage)),
+        PathParameter::Volume => format!("{} ml", four_digits(point.volume)),
+        _ => format!("{} Pa", four_digits(point.pressure)),
+    }
+}
+
+fn overview(paths: &[InflationPath]) -> table::Table {
+    let header = [
+        "pattern",
+        "limit",
+        "largest pressure",
+        "largest displacement",
+        "points",
+        "end",
+    ];
+    let mut table = table::table(&header, &["largest displacement", "points"]).dispensable(&["points"]);
+    for (index, path) in paths.iter().enumerate() {
+        let limit = limit(path).map(|point| format!("limit-point at {}", place(path.parameter, point)));
+        let largest = largest(path).map(|point| {
+            let [pascals, millilitres] = [point.pressure, point.volume].map(four_digits);
+            format!("{pascals} Pa at {millilitres} ml")
+        });
+        let most = path.points.iter().map(|point| point.peak.mm).fold(0.0, f64::max);
+        table.add_row([
+            index.to_string(),
+            limit.unwrap_or_else(|| "none".to_owned()),
+            largest.unwrap_or_else(|| "-".to_owned()),
+            format!("{} mm", four_digits(most)),
+            path.points.len().to_string(),
+            path.end.name().to_owned(),
+        ]);
+    }
+    table
+}
+
+fn document(path: &InflationPath, scene: &Scene) -> Value {
+    let points = path.points.iter().map(|point| {
+        json!({
+            "voltage": point.voltage,
+            "pressure_pa": point.pressure,
+            "volume_ml": point.volume,
+            "largest_displacement_mm": point.peak.mm,
+            "height_mm": point.peak.height,
+            "at_mm": at_mm(&point.peak, scene),
+            "stable": point.stable,
+            "stable_at_pressure": point.stable_at_pressure,
+            "wrinkled_fraction": point.compressed,
+        })
+    });
+    let last = path.points.len().saturating_sub(1);
+    let limit = limit(path).map(|point| {
+        json!({
+            "kind": PathEnd::LimitPoint.name(),
+            "voltage": point.voltage,
+            "pressure_pa": point.pressure,
+            "volume_ml": point.volume,
+            "point": last,
+        })
+    });
+    let largest = largest(path).map(
+        |point| json!({ "pressure_pa": point.pressure, "volume_ml": point.volume, "point": path.largest_pressure }),
+    );
+    json!({
+        "points": points.collect::<Vec<_>>(),
+        "limit": limit,
+        "largest_pressure": largest,
+        "end": path.end.name(),
+    })
+}
+
+fn content(patterns: &[Pattern], paths: &[InflationPath], scene: &Scene) -> InflationPaths {
+    let each = |value: fn(&InflationPoint) -> f64| -> Vec<f64> {
+        paths.iter().flat_map(|path| &path.points).map(value).collect()
+    };
+    let is = |value: fn(&InflationPoint) -> bool| -> Vec<u8> {
+        let points = paths.iter().flat_map(|path| &path.points);
+        points.map(|point| u8::from(value(point))).collect()
+    };
+    let of_largest = |value: fn(&InflationPoint) -> f64| -> Vec<f64> {
+        paths.iter().map(|path| largest(path).map_or(f64::NAN, value)).collect()
+    };
+    let last = paths.iter().flat_map(|path| {
+        let planar = path.displacement.values().chunks_exact(2);
+        let all = planar.zip(&path.heights);
+        all.flat_map(|(planar, height)| [planar[0], planar[1], *height])
+    });
+    InflationPaths {
+        patterns: patterns.to_vec(),
+        electrodes: DrawnElectrodes::of(patterns),
+        covered: CoveredCells::of(patterns),
+        point_offsets: offsets(paths.iter().map(|path| path.points.len())),
+        voltage: each(|point| point.voltage),
+        pressure: each(|point| point.pressure),
+        volume: each(|point| point.volume),
+        max_displacement: each(|point| point.peak.mm),
+        height: each(|point| point.peak.height),
+        stable: is(|point| point.stable),
+        stable_at_pressure: is(|point| point.stable_at_pressure),
+        wrinkled_fraction: each(|point| point.compressed),
+        largest_pressure: of_largest(|point| point.pressure),
+        largest_pressure_volume: of_largest(|point| point.volume),
+        end: paths.iter().map(|path| path.end.name().to_owned()).collect(),
+        last_displacement: Packed(last.collect()),
+        scene: scene.clone(),
+        effects: scene.effects.clone(),
+    }
+}
+
+/// Returns all points as comma-separated values with a header.
+fn points_table(paths: &[InflationPath]) -> Result<String, CliError> {
+    let header = [
+        "pattern",
+        "voltage_V",
+        "pressure_Pa",
+        "volume_ml",
+        "max_displacement_mm",
+        "height_mm",
+        "stable",
+        "stable_at_pressure",
+        "wrinkled_fraction",
+    ]
+    .map(str::to_owned);
+    let rows = paths.iter().enumerate().flat_map(|(index, path)| {
+        path.points.iter().map(move |point| {
+            vec![
+                index.to_string(),
+                point.voltage.to_string(),
+                point.pressure.to_string(),
+                point.volume.to_string(),
+                point.peak.mm.to_string(),
+                point.peak.height.to_string(),
+                u8::from(point.stable).to_string(),
+                u8::from(point.stable_at_pressure).to_string(),
+                point.compressed.to_string(),
+            ]
+        })
+    });
+    csv::text(&header, rows)
+}
