@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::arguments::{StateArguments, TimeArguments, integer, quantity};
+use super::arguments::{StateArguments, TimeArguments, has_hdf5_extension, integer, quantity};
 use super::point::{PointArguments, Probe};
 use super::progress::Bar;
 use super::text::Text;
@@ -21,7 +21,7 @@ use deaflow_tolerance::{Device, Estimate, MOST_SAMPLES, Quantile, Source, Study,
 /// Shares of the variance below this are not listed for people.
 const LISTED: f64 = 0.005;
 
-/// Show how many devices reach a displacement under the tolerances of a scene, and which tolerance matters
+/// Show how many devices reach a displacement under the tolerances of a scene
 #[derive(Debug, Args)]
 #[command(after_help = examples!(
     "deaflow yield scene.yaml mine.csv --point \"25 mm, 25 mm\" --direction \"0 deg\" --wanted \"2 mm\"",
@@ -41,7 +41,8 @@ pub struct YieldArguments {
     /// Number of devices
     #[arg(long, value_name = "N", default_value = "1000", value_parser = integer::<u32>(2..=u64::from(MOST_SAMPLES)))]
     samples: u32,
-    /// Double the number of devices until the interval of the yield is at most this far from it, as in 0.01
+    /// Double the number of devices, up to 65536, until the interval of the yield is at most this far from it, as in
+    /// "1 %"
     #[arg(long, value_name = "SHARE", value_parser = share, requires = "wanted")]
     within: Option<f64>,
     /// Seed of the random deviations
@@ -70,8 +71,13 @@ fn length(text: &str) -> Result<Quantity, String> {
 }
 
 fn share(text: &str) -> Result<f64, String> {
-    let value = text.trim().parse().ok().filter(|value| (1e-4..=0.5).contains(value));
-    value.ok_or_else(|| "allowed: 0.0001 to 0.5".to_owned())
+    let text = text.trim();
+    let value = match text.strip_suffix('%') {
+        Some(percent) => percent.trim().parse().map(|percent: f64| 0.01 * percent),
+        None => text.parse(),
+    };
+    let value = value.ok().filter(|value| (1e-4..=0.5).contains(value));
+    value.ok_or_else(|| "allowed: 0.01 % to 50 %".to_owned())
 }
 
 /// The devices of a pattern.
@@ -86,6 +92,10 @@ pub fn execute(arguments: &YieldArguments, output: &Output) -> Result<Exit, CliE
     if let Some(file) = &arguments.output {
         let inputs = [arguments.patterns.clone(), direct::files_read(&arguments.scene)].concat();
         write::check_output(file, &inputs)?;
+        if has_hdf5_extension(file) {
+            return Err(CliError::bad_input(format!("{} is not a table", file.display()))
+                .help("the devices are written as comma-separated values: -o devices.csv"));
+        }
     }
     let changes = direct::Changes {
         sets: &arguments.sets,
@@ -127,7 +137,12 @@ pub fn execute(arguments: &YieldArguments, output: &Output) -> Result<Exit, CliE
     output.result(
         || document(&found, &probe, arguments),
         || text(&found, &probe, arguments),
-    )
+    )?;
+    // Devices that fail are a result; a pattern that has no stable state as drawn is not one of a design.
+    Ok(match found.iter().all(|one| one.nominal.is_some()) {
+        true => Exit::Done,
+        false => Exit::Unstable,
+    })
 }
 
 impl YieldArguments {
@@ -166,11 +181,8 @@ fn of_pattern(
             return Err(CliError::stopped("stopped before all devices were simulated"));
         }
         let result = Yield::of(&devices, &study.varying(), arguments.wanted_mm());
-        let is_wide = |wide: f64| {
-            let reached = result.reached.as_ref();
-            reached.is_some_and(|reached| reached.interval.iter().any(|end| (end - reached.value).abs() > wide))
-        };
-        if samples == MOST_SAMPLES || !arguments.within.is_some_and(is_wide) {
+        let is_wide = arguments.within.is_some_and(|within| half_width(&result) > within);
+        if samples == MOST_SAMPLES || !is_wide {
             return Ok(Found {
                 file,
                 nominal,
@@ -180,6 +192,13 @@ fn of_pattern(
         }
         samples = (2 * samples).min(MOST_SAMPLES);
     }
+}
+
+/// How far the interval of a yield reaches from it.
+fn half_width(result: &Yield) -> f64 {
+    let ends = |reached: &Estimate| reached.interval.map(|end| (end - reached.value).abs());
+    let ends = result.reached.as_ref().map_or([0.0; 2], ends);
+    ends[0].max(ends[1])
 }
 
 /// The table of all devices; deviations are in units of the standard deviation.
@@ -249,9 +268,7 @@ fn text(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Text {
             let [low, high] = reached.interval;
             format!("{} ({} to {})", percent(reached.value), percent(low), percent(high))
         }));
-        row.push(percent(
-            (result.unstable + result.short_circuits) as f64 / result.samples as f64,
-        ));
+        row.push(percent(result.failed() as f64 / result.samples as f64));
         overview.add_row(row);
     }
     let mut text = Text::from(format!("displacement {} of each device, mm", probe.title()));
@@ -262,18 +279,22 @@ fn text(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Text {
         let shares: Vec<String> = listed
             .map(|(source, share)| format!("{} {}", source.label(), percent(*share)))
             .collect();
-        text.line(format!(
-            "{}: {} devices; the variance is that of {}",
-            one.file,
-            result.samples,
-            match shares.is_empty() {
-                true => "none of them alone".to_owned(),
-                false => shares.join(", "),
-            }
-        ));
+        let variance = match shares.is_empty() {
+            true => String::new(),
+            false => format!("; the variance is that of {}", shares.join(", ")),
+        };
+        text.line(format!("{}: {} devices{variance}", one.file, result.samples));
+        if arguments.within.is_some_and(|within| half_width(result) > within) {
+            let known = percent(half_width(result));
+            text.line(format!(
+                "{}: {MOST_SAMPLES} devices are the most; the yield is known within {known}",
+                one.file
+            ));
+        }
         for (count, what) in [
             (result.unstable, "have no stable state"),
             (result.short_circuits, "have a short circuit between groups"),
+            (result.unsolved, "need more than the limit of work (raise --time-limit)"),
         ] {
             if count > 0 {
                 text.line(format!(
@@ -317,6 +338,7 @@ fn document(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Value
             "yield": estimate(&result.reached),
             "unstable": result.unstable,
             "short_circuits": result.short_circuits,
+            "unsolved": result.unsolved,
             "shares": shares.collect::<serde_json::Map<_, _>>(),
         })
     };

@@ -46,6 +46,15 @@ fn check_factor(factor: &Factor, map: &Map<'_>) -> Result<(), InputError> {
     }
 }
 
+impl Spread {
+    fn with_advice(error: InputError) -> InputError {
+        error.help(format!(
+            "allowed: 0 % to {} %, or {{ relative: 30 %, distribution: lognormal }}",
+            100.0 * LARGEST_NORMAL
+        ))
+    }
+}
+
 /// A [`Factor`], in short its standard deviation if it is normally distributed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Spread(pub Factor);
@@ -57,12 +66,14 @@ impl Parameter for Spread {
     fn read(node: &Node, key: &str, _: &()) -> Result<Self, InputError> {
         match node.value() {
             NodeValue::Map(_) => Factor::read_with(node, &[]).map(Self),
-            _ => Decimal::read(node, key, &(0.0..=LARGEST_NORMAL)).map(|relative| {
-                Self(Factor {
-                    relative,
-                    distribution: Distribution::Normal,
-                })
-            }),
+            _ => Decimal::read(node, key, &(0.0..=LARGEST_NORMAL))
+                .map_err(Self::with_advice)
+                .map(|relative| {
+                    Self(Factor {
+                        relative,
+                        distribution: Distribution::Normal,
+                    })
+                }),
         }
     }
 

@@ -95,7 +95,7 @@ pub(crate) fn check(scene: &Scene, tolerances: &Tolerances) -> Result<(), Tolera
     Ok(())
 }
 
-/// Returns the scene of a device; `None` if a number is out of range.
+/// Returns the scene of a device; `None` if its membrane is slack, or a number is not finite.
 pub(crate) fn scene(scene: &Scene, tolerances: &Tolerances, deviations: &[f64; SOURCES]) -> Option<Scene> {
     let [voltage, modulus, thickness, permittivity, prestretch, ..] = *deviations;
     let varies = |source: Source| source.varies(tolerances);
@@ -122,6 +122,10 @@ pub(crate) fn scene(scene: &Scene, tolerances: &Tolerances, deviations: &[f64; S
         let factor = factor(tolerances.prestretch.as_ref(), prestretch);
         for axis in 0..2 {
             let value = scene.geometry.prestretch.0[axis].to_f64() * factor;
+            // Below 1 the membrane is slack on its frame.
+            if value < 1.0 {
+                return None;
+            }
             device.geometry.prestretch.0[axis] = Decimal::from_f64(value)?;
         }
     }

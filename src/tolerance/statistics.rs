@@ -10,6 +10,10 @@ use crate::study::{Device, Failure};
 const NORMAL_95: f64 = 1.959_963_984_540_054;
 /// The quantiles that are told.
 const PROBABILITIES: [f64; 3] = [0.05, 0.5, 0.95];
+/// Fewest devices from which shares of the variance are estimated.
+const FEWEST: usize = 32;
+/// A standard deviation relative to the mean that is rounding.
+const NONE: f64 = 1e-9;
 /// Powers of a deviation that a regression has, from the first.
 const POWERS: usize = 3;
 
@@ -40,6 +44,8 @@ pub struct Yield {
     pub unstable: usize,
     /// Number of devices in which electrodes of two groups touch.
     pub short_circuits: usize,
+    /// Number of devices that the limit of work did not suffice for.
+    pub unsolved: usize,
     /// The mean displacement in mm of the devices that do not fail; `None` without any.
     pub mean: Option<Estimate>,
     /// The standard deviation in mm of these; `None` with fewer than two.
@@ -53,6 +59,12 @@ pub struct Yield {
 }
 
 impl Yield {
+    /// Returns the number of devices that fail.
+    #[must_use]
+    pub fn failed(&self) -> usize {
+        self.unstable + self.short_circuits + self.unsolved
+    }
+
     /// Evaluates devices; `wanted` is the displacement that they have to reach, mm.
     #[must_use]
     pub fn of(devices: &[Device], varying: &[Source], wanted: Option<f64>) -> Self {
@@ -71,6 +83,7 @@ impl Yield {
             samples: devices.len(),
             unstable: count(Failure::Unstable),
             short_circuits: count(Failure::ShortCircuit),
+            unsolved: count(Failure::Unsolved),
             mean: mean(&values),
             deviation: deviation(&values),
             quantiles: PROBABILITIES.map(|probability| quantile(&sorted, probability)).to_vec(),
@@ -110,11 +123,16 @@ fn wilson(number: usize, samples: usize) -> Estimate {
     let (k, n) = (number as f64, samples as f64);
     let squared = NORMAL_95 * NORMAL_95;
     let share = k / n;
+    let is_all = [number == 0, number == samples];
     let middle = (share + 0.5 * squared / n) / (1.0 + squared / n);
     let half = NORMAL_95 / (1.0 + squared / n) * (share * (1.0 - share) / n + 0.25 * squared / (n * n)).sqrt();
     Estimate {
         value: share,
-        interval: [(middle - half).max(0.0), (middle + half).min(1.0)],
+        // Without rounding at the ends.
+        interval: [
+            if is_all[0] { 0.0 } else { middle - half },
+            if is_all[1] { 1.0 } else { middle + half },
+        ],
     }
 }
 
@@ -154,11 +172,13 @@ fn shares(devices: &[Device], varying: &[Source]) -> Vec<(Source, f64)> {
         .filter_map(|device| Some((device, device.value.ok()?)))
         .collect();
     let values: Vec<f64> = known.iter().map(|(_, value)| *value).collect();
-    let Some(total) = deviation(&values).filter(|total| total.value > 0.0 && known.len() > 2 * POWERS) else {
+    let mean = values.iter().sum::<f64>() / known.len() as f64;
+    let Some(total) = deviation(&values).filter(|total| total.value > NONE * mean.abs() && known.len() >= FEWEST)
+    else {
         return Vec::new();
     };
-    let variance = total.value.powi(2) * (known.len() - 1) as f64;
-    let mean = values.iter().sum::<f64>() / known.len() as f64;
+    let n = known.len() as f64;
+    let variance = total.value.powi(2) * (n - 1.0);
     let share = |source: &Source| {
         // Centred powers, so that the constant is the mean.
         let powers: Vec<[f64; POWERS]> = known
@@ -189,7 +209,9 @@ fn shares(devices: &[Device], varying: &[Source]) -> Vec<(Source, f64)> {
                 part * part / found.values[mode]
             })
             .sum();
-        Some((*source, explained / variance))
+        // What a regression on anything would explain is left out.
+        let unexplained = (1.0 - explained / variance) * (n - 1.0) / (n - 1.0 - POWERS as f64);
+        Some((*source, (1.0 - unexplained).max(0.0)))
     };
     let mut all: Vec<(Source, f64)> = varying.iter().filter_map(share).collect();
     all.sort_by(|a, b| b.1.total_cmp(&a.1));

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use deaflow_base::words;
-use deaflow_fem::{MembraneSolver, SolveOptions, WorkLimit, check_covered_cells};
+use deaflow_fem::{MembraneSolver, SetupError, SolveOptions, WorkLimit, check_covered_cells};
 use deaflow_field::Field;
 use deaflow_pattern::Pattern;
 use deaflow_scene::{Scene, Tolerances};
@@ -21,6 +21,8 @@ words! {
         Unstable = "unstable",
         /// Electrodes of two groups touch.
         ShortCircuit = "short-circuit",
+        /// The limit of work was reached.
+        Unsolved = "not-solved",
     }
 }
 
@@ -78,7 +80,11 @@ impl Study {
             return Err(ToleranceError::None);
         }
         if study.cuts_cells() {
-            check_covered_cells(&study.scene)?;
+            let tolerance = study.of_electrodes().unwrap_or_default();
+            check_covered_cells(&study.scene).map_err(|error| match error {
+                SetupError::Coverage { with } => ToleranceError::Setting { tolerance, with },
+                other => other.into(),
+            })?;
         }
         Ok(study)
     }
@@ -181,7 +187,10 @@ impl Study {
         let scene = scene.with_electrodes_of(pattern);
         let solver = MembraneSolver::new(&scene, self.options)?.within(self.limit);
         let solution = solver.solve(pattern);
-        let stroke = solver.simulation(pattern, &solution).stroke();
-        Ok(stroke.ok_or(Failure::Unstable))
+        let failure = match solution.outcome.bracket() {
+            Some(_) => Failure::Unstable,
+            None => Failure::Unsolved,
+        };
+        Ok(solver.simulation(pattern, &solution).stroke().ok_or(failure))
     }
 }
