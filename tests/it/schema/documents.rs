@@ -311,9 +311,6 @@ const NAMED: [&str; 2] = [
 const SCENES: [&str; 18] = [
     "drive: { voltage: 5 kV }\nloads: { pressure: -500 Pa }",
     "drive: { voltage: 5 kV }\nloads: { volume: 2 ml }",
-    "drive: { voltage: 5 kV }\ntolerances: { voltage: 1 %, shear_modulus: { relative: 5 %, distribution: lognormal }, thickness: 0.03,
-  permittivity: 2 %, prestretch: { relative: 1 % }, mask: 0.15 mm, misregistration: [0.1 mm, 0.2 mm], lost_cells: 0.2 % }",
-    "drive: { voltage: 5 kV }\ntolerances: { misregistration: 0.1 mm }",
     "drive: { voltages: [5 kV, 3 kV] }\nstates: { push: { voltages: [5 kV, 0 V] }, pull: { voltages: [0 V, 5 kV] } }",
     "states: { on: { voltage: 5 kV }, off: { voltage: 0 V } }",
     "drive: { voltage: 5.25 kV, frequency: 2 Hz, duration: 30 s }\neffects: auto",
@@ -343,6 +340,11 @@ properties: { viscoelasticity: { law: finite, branches: [ { modulus: 20 kPa, tim
     "drive: { voltage: 5 kV }\nleads: { cells: [ [0, 0], [1, 0] ] }\neffects: { electrode_resistance: { } }
 properties: { sheet_resistance: 50 kOhm }",
     "drive: { waveform: { table: [ [0 s, 0 V], [1 s, 5 kV], [1 s, -5 kV] ] } }",
+    "drive: { voltage: 5 kV }\ntolerances: { voltage: { relative: 1 %, distribution: normal },
+  shear_modulus: { relative: 5 %, distribution: lognormal }, thickness: { relative: 3 %, distribution: normal },
+  permittivity: { relative: 2 %, distribution: normal }, prestretch: { relative: 1 %, distribution: normal },
+  mask: 0.15 mm, misregistration: [0.1 mm, 0.2 mm], lost_cells: 0.2 % }",
+    "drive: { voltage: 5 kV }\ntolerances: { voltage: 1 %, shear_modulus: 5 %, thickness: 0.03, permittivity: 2 %, prestretch: 1 %, misregistration: 0.1 mm }",
 ];
 
 /// The documents of a kind.
