@@ -10,7 +10,7 @@ use super::point::{PointArguments, Probe};
 use super::progress::Bar;
 use super::text::Text;
 use super::{CliError, Exit, Output, csv, table, write};
-use deaflow_base::{Dimension, Progress, Quantity, four_digits, is_interrupted};
+use deaflow_base::{Dimension, Progress, Quantity, four_digits, is_interrupted, measured};
 use deaflow_fem::SolveOptions;
 use deaflow_fem::screening::resolve;
 use deaflow_field::{Mesh, Order};
@@ -225,19 +225,13 @@ fn devices(found: &[Found], varying: &[Source]) -> Result<String, CliError> {
     csv::text(&header, rows)
 }
 
-/// A number with half of its interval, where that is symmetric.
+/// A number with half of its interval, if there is one.
 fn with_interval(estimate: &Estimate) -> String {
     let half = 0.5 * (estimate.interval[1] - estimate.interval[0]);
-    format!("{} ± {}", four_digits(estimate.value), rounded(half))
-}
-
-/// Two digits of an uncertainty.
-fn rounded(number: f64) -> String {
-    if number == 0.0 || !number.is_finite() {
-        return number.to_string();
+    match half.is_finite() {
+        true => measured(estimate.value, half),
+        false => four_digits(estimate.value),
     }
-    let places = (1 - number.abs().log10().floor() as i32).max(0) as usize;
-    format!("{number:.places$}")
 }
 
 fn percent(share: f64) -> String {

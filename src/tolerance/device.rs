@@ -7,7 +7,7 @@ use crate::error::ToleranceError;
 use crate::mask::Offsets;
 
 /// Number of normally distributed deviations of a device.
-pub(crate) const SOURCES: usize = 8;
+pub(crate) const SOURCES: usize = Source::ALL.len();
 
 words! {
     /// A cause of differences between devices.
@@ -101,9 +101,7 @@ pub(crate) fn scene(scene: &Scene, tolerances: &Tolerances, deviations: &[f64; S
     let varies = |source: Source| source.varies(tolerances);
     let mut device = scene.clone();
     if varies(Source::Voltage) {
-        let volts = scene.drive.voltages.in_volts();
-        let largest = volts.into_iter().fold(0.0, f64::max);
-        device = scene.at_voltage(largest * factor(tolerances.voltage.as_ref(), voltage));
+        device = scene.at_voltage(scene.voltage_v() * factor(tolerances.voltage.as_ref(), voltage));
     }
     if varies(Source::ShearModulus) {
         let factor = factor(tolerances.shear_modulus.as_ref(), modulus);

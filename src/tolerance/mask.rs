@@ -1,7 +1,5 @@
 //! Electrodes as they are made: wider than drawn, one beside the other, with holes.
 
-use std::collections::BTreeSet;
-
 use deaflow_pattern::{Coverage, CoverageError, Membrane, Part, Parts, Pattern};
 
 /// Distances in cells that are due to rounding.
@@ -135,16 +133,16 @@ fn is_uniform(pattern: &Pattern, cell: [usize; 2], around: [usize; 2]) -> bool {
     x.all(|x| y.clone().all(|y| pattern.group(x, y) == own))
 }
 
-/// Returns where within a cell an edge of either electrode can lie.
+/// Returns where within a cell an edge of either electrode can lie, in order.
 fn cuts(reach: f64, shift: f64) -> Vec<f64> {
     let edges = [reach, -reach, shift + reach, shift - reach];
     let inside = edges.map(|edge| edge.rem_euclid(1.0));
-    let sorted: BTreeSet<u64> = inside.into_iter().chain([0.0, 1.0]).map(f64::to_bits).collect();
-    // Numbers from 0 to 1 have the order of their bits.
-    sorted.into_iter().map(f64::from_bits).collect()
+    let mut sorted: Vec<f64> = inside.into_iter().chain([0.0, 1.0]).collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted
 }
 
-/// Returns the intervals between places, without those that rounding makes.
+/// Returns the intervals between places, without empty ones and those that rounding makes.
 fn intervals(cuts: &[f64]) -> impl Iterator<Item = (f64, f64)> {
     let all = cuts.iter().copied().zip(cuts.iter().copied().skip(1));
     all.filter(|(low, high)| high - low > ROUNDING)

@@ -93,9 +93,13 @@ impl Yield {
     }
 }
 
+fn average(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
 fn mean(values: &[f64]) -> Option<Estimate> {
     let n = values.len() as f64;
-    let value = values.iter().sum::<f64>() / n;
+    let value = average(values);
     let half = deviation(values).map_or(f64::INFINITY, |deviation| NORMAL_95 * deviation.value / n.sqrt());
     (!values.is_empty()).then_some(Estimate {
         value,
@@ -109,7 +113,7 @@ fn deviation(values: &[f64]) -> Option<Estimate> {
         return None;
     }
     let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
+    let mean = average(values);
     let value = (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
     let half = NORMAL_95 * value / (2.0 * (n - 1.0)).sqrt();
     Some(Estimate {
@@ -123,15 +127,14 @@ fn wilson(number: usize, samples: usize) -> Estimate {
     let (k, n) = (number as f64, samples as f64);
     let squared = NORMAL_95 * NORMAL_95;
     let share = k / n;
-    let is_all = [number == 0, number == samples];
     let middle = (share + 0.5 * squared / n) / (1.0 + squared / n);
     let half = NORMAL_95 / (1.0 + squared / n) * (share * (1.0 - share) / n + 0.25 * squared / (n * n)).sqrt();
     Estimate {
         value: share,
         // Without rounding at the ends.
         interval: [
-            if is_all[0] { 0.0 } else { middle - half },
-            if is_all[1] { 1.0 } else { middle + half },
+            if number == 0 { 0.0 } else { middle - half },
+            if number == samples { 1.0 } else { middle + half },
         ],
     }
 }
@@ -172,7 +175,7 @@ fn shares(devices: &[Device], varying: &[Source]) -> Vec<(Source, f64)> {
         .filter_map(|device| Some((device, device.value.ok()?)))
         .collect();
     let values: Vec<f64> = known.iter().map(|(_, value)| *value).collect();
-    let mean = values.iter().sum::<f64>() / known.len() as f64;
+    let mean = average(&values);
     let Some(total) = deviation(&values).filter(|total| total.value > NONE * mean.abs() && known.len() >= FEWEST)
     else {
         return Vec::new();

@@ -12,6 +12,7 @@ use deaflow_base::four_digits;
 use deaflow_content::{CoveredCells, DrawnElectrodes, Inflations, Packed};
 use deaflow_fem::screening::resolve;
 use deaflow_fem::{Inflated, InflationOutcome, InflationSolver, MeshRequest, Method, Peak, SetupError, SpatialMotion};
+use deaflow_field::Field;
 use deaflow_pattern::Pattern;
 use deaflow_scene::{Pressurised, Scene};
 
@@ -131,6 +132,13 @@ pub fn at_mm(peak: &Peak, scene: &Scene) -> [f64; 2] {
     [0, 1].map(|axis| peak.corner[axis] as f64 * cell_mm[axis])
 }
 
+/// Returns a displacement along x, y and out of the plane, corner by corner.
+pub fn components(displacement: &Field, heights: &[f64]) -> impl Iterator<Item = f64> {
+    let planar = displacement.values().chunks_exact(2);
+    let all = planar.zip(heights);
+    all.flat_map(|(planar, height)| [planar[0], planar[1], *height])
+}
+
 fn warnings(scene: &Scene, found: &[Inflated]) -> Vec<String> {
     let of_one = |(index, one): (usize, &Inflated)| compressed(scene, index, one.compressed).filter(|_| is_stable(one));
     let of_all = found.iter().enumerate().filter_map(of_one);
@@ -160,10 +168,7 @@ fn content(simulation: &Simulation<'_>, scene: &Scene, found: &[Inflated], solve
         found.iter().map(value).collect()
     };
     let displacement = found.iter().flat_map(|one| {
-        let planar = one.displacement.values().chunks_exact(2);
-        let all = planar
-            .zip(&one.heights)
-            .flat_map(|(planar, height)| [planar[0], planar[1], *height]);
+        let all = components(&one.displacement, &one.heights);
         all.map(|value| if is_stable(one) { value } else { f64::NAN })
     });
     let limits = |at: usize, converged: f64| {

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use super::inflation::{at_mm, breakdown, check, compressed, resolved};
+use super::inflation::{at_mm, breakdown, check, components, compressed, resolved};
 use super::path::offsets;
 use super::simulation::{PatternSolver, Simulation};
 use crate::job::{Attachments, JobResult};
@@ -254,11 +254,9 @@ fn content(patterns: &[Pattern], paths: &[InflationPath], scene: &Scene) -> Infl
     let of_largest = |value: fn(&InflationPoint) -> f64| -> Vec<f64> {
         paths.iter().map(|path| largest(path).map_or(f64::NAN, value)).collect()
     };
-    let last = paths.iter().flat_map(|path| {
-        let planar = path.displacement.values().chunks_exact(2);
-        let all = planar.zip(&path.heights);
-        all.flat_map(|(planar, height)| [planar[0], planar[1], *height])
-    });
+    let last = paths
+        .iter()
+        .flat_map(|path| components(&path.displacement, &path.heights));
     InflationPaths {
         patterns: patterns.to_vec(),
         electrodes: DrawnElectrodes::of(patterns),

@@ -187,8 +187,8 @@ impl OutOfPlane {
         vector
     }
 
-    /// Finds the lowest eigenvalues of a stiffness in a metric; fewer if there are fewer unknowns. Negative ones that do
-    /// not count as unstable ([`NEARLY_ZERO`]) are left out while there are positive ones. The vectors of unstable
+    /// Finds the lowest eigenvalues of a stiffness in a metric; fewer if there are fewer unknowns. Negative ones that
+    /// do not count as unstable ([`NEARLY_ZERO`]) are left out while there are positive ones. The vectors of unstable
     /// motions are those of the longest waves, which a mesh resolves.
     ///
     /// `None` if a pivot is zero, memory is short, or the search does not settle.
@@ -203,16 +203,10 @@ impl OutOfPlane {
             return Some(Lowest::default());
         }
         let laplacian = self.laplacian(grid);
-        let stiffer = |share: f64| {
-            let mut entries = stiffness.to_vec();
-            add(&mut entries, share, &laplacian);
-            entries
-        };
         let count = count.min(self.free.len());
-        let shifted = self.sparsity.factors(&stiffer(NEARLY_ZERO))?;
-        let unstable = self.sparsity.negative_pivots(&shifted);
-        let factors = self.sparsity.factors(&stiffer(ROUNDING))?;
-        let positive = self.free.len() - self.sparsity.negative_pivots(&factors);
+        let (shifted, unstable) = self.factors_beyond(NEARLY_ZERO, stiffness.to_vec(), &laplacian)?;
+        let (factors, negative) = self.factors_beyond(NO_TENSION, stiffness.to_vec(), &laplacian)?;
+        let positive = self.free.len() - negative;
         // Negative ones that do not count fill up the list.
         let mut packed = match positive + unstable < count {
             true => self.nearest(&factors, metric, -1.0, count - positive)?,
@@ -226,6 +220,15 @@ impl OutOfPlane {
             vectors: packed.iter().map(|vector| self.unpack(vector)).collect(),
             unstable,
         })
+    }
+
+    /// Returns the factors of a stiffness of which a share of the Laplacian counts as zero, and the number of its
+    /// negative eigenvalues.
+    fn factors_beyond(&self, zero: f64, mut stiffness: Vec<f64>, laplacian: &[f64]) -> Option<(Vec<f64>, usize)> {
+        add(&mut stiffness, zero, laplacian);
+        let factors = self.sparsity.factors(&stiffness)?;
+        let negative = self.sparsity.negative_pivots(&factors);
+        Some((factors, negative))
     }
 
     /// Finds the eigenvectors of a factorised stiffness in a metric whose eigenvalues of a sign are nearest to zero, in
@@ -299,9 +302,9 @@ impl OutOfPlane {
 /// Share of the Laplacian that is added to the stiffness where motions are counted as unstable: free edges of strips in
 /// tension are compressed a little, and active membrane that is pulled along one axis has no tension across.
 const NEARLY_ZERO: f64 = 0.01;
-/// Share of the Laplacian that is added to the stiffness where eigenvectors are searched, so that a membrane without any
-/// tension has factors. Eigenvalues are those of the stiffness alone.
-const ROUNDING: f64 = 1e-12;
+/// Share of the Laplacian that is rounding of the stress of a membrane without tension. With it such a membrane has
+/// factors; eigenvalues are those of the stiffness alone.
+pub(super) const NO_TENSION: f64 = 1e-12;
 
 /// The stability of flat states against small motions out of their plane.
 pub(crate) struct FlatStability {
@@ -337,10 +340,9 @@ impl FlatStability {
         if !self.heights.moves() || !self.is_held {
             return Some(0);
         }
-        let mut stiffness = self.heights.stiffness(operator, u);
-        add(&mut stiffness, zero, &self.laplacian);
-        let factors = self.heights.sparsity.factors(&stiffness)?;
-        Some(self.heights.sparsity.negative_pivots(&factors))
+        let stiffness = self.heights.stiffness(operator, u);
+        let (_, negative) = self.heights.factors_beyond(zero, stiffness, &self.laplacian)?;
+        Some(negative)
     }
 }
 

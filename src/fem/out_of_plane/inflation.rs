@@ -2,17 +2,17 @@
 //! forces out of the plane on bodies.
 //!
 //! From the flat state the pressure, or the volume, is raised with these forces by steps, which are halved where no
-//! stable state is found. At a pressure p the potential E − p Vol is minimised by Newton's method with a line search; at
-//! a volume the pressure is the multiplier of the constraint, and each step solves a bordered system. There K + ρ b bᵀ
-//! is positive definite also past the largest pressure, where K is not: the solution of the bordered system is the same
-//! for any ρ.
+//! stable state is found. At a pressure p the potential E − p Vol is minimised by Newton's method with a line search;
+//! at a volume the pressure is the multiplier of the constraint, and each step solves a bordered system. There
+//! K + ρ b bᵀ is positive definite also past the largest pressure, where K is not: the solution of the bordered system
+//! is the same for any ρ.
 
 use std::sync::Arc;
 
-use super::flat::{FlatStability, OutOfPlane};
+use super::flat::{FlatStability, NO_TENSION, OutOfPlane};
 use super::goals::Goals;
 use super::lifted::{Lifted, bodies};
-use super::surface::{Surface, Totals};
+use super::surface::{Linearised, Surface, Totals};
 use super::system::{End, System};
 use crate::effects::WithMaterial;
 use crate::eigenvalue::dot;
@@ -44,8 +44,6 @@ const MOST_LOADS: u32 = 60;
 const ARMIJO: f64 = 1e-4;
 /// The same where the potential is known to rounding only: share of the slope along a step that may be left.
 const LEFT: f64 = 0.9;
-/// Share of the Laplacian that is rounding of the stress of a flat membrane without tension.
-const NO_TENSION: f64 = 1e-12;
 /// ρ in units of the stiffness of the membrane against a pressure.
 const STIFF: f64 = 10.0;
 /// Residual of the change of a state with its volume.
@@ -474,12 +472,7 @@ impl<L: Material> Search<'_, L> {
             }
         }
         // A volume holds one motion.
-        let (mut forces, mut pressed) = (vec![0.0; state.x.len()], vec![0.0; state.x.len()]);
-        self.surface
-            .evaluate(&state.x, &mut forces, &mut pressed)
-            .ok_or(Failure::Lost)?;
-        let at = self.surface.linearise(&state.x).ok_or(Failure::Lost)?;
-        let image = self.precondition(&at.poses, &pressed);
+        let (at, pressed, image) = self.pressed_at(&state.x)?;
         self.probe(&System {
             at: &at,
             pressure: 0.0,
@@ -491,6 +484,17 @@ impl<L: Material> Search<'_, L> {
             image: &image,
             goals: Goals::EQUAL,
         })
+    }
+
+    /// Returns the tangent at a state, b, and its image by the preconditioner.
+    fn pressed_at(&mut self, x: &[f64]) -> Result<(Linearised, Vec<f64>, Vec<f64>), Failure> {
+        let [mut forces, mut pressed] = [(); 2].map(|()| vec![0.0; x.len()]);
+        self.surface
+            .evaluate(x, &mut forces, &mut pressed)
+            .ok_or(Failure::Lost)?;
+        let at = self.surface.linearise(x).ok_or(Failure::Lost)?;
+        let image = self.precondition(&at.poses, &pressed);
+        Ok((at, pressed, image))
     }
 
     fn totals(&self, x: &[f64]) -> Option<Totals> {
@@ -582,11 +586,11 @@ impl<L: Material> Search<'_, L> {
         let len = state.x.len();
         let (mut forces, mut pressed) = (vec![0.0; len], vec![0.0; len]);
         let lifts = self.surface.lifts();
+        let mut totals = self
+            .surface
+            .evaluate(&state.x, &mut forces, &mut pressed)
+            .ok_or(Failure::Lost)?;
         for _ in 0..MOST_STEPS {
-            let totals = self
-                .surface
-                .evaluate(&state.x, &mut forces, &mut pressed)
-                .ok_or(Failure::Lost)?;
             let p = state.pressure;
             let residual = combined(&forces, -p, &pressed);
             let missing = volume - totals.volume;
@@ -621,14 +625,14 @@ impl<L: Material> Search<'_, L> {
                 .zip(&back)
                 .map(|(along, back)| rise * along - back)
                 .collect();
-            let length = (0..MOST_HALVINGS)
-                .map(|halvings| 0.5_f64.powi(halvings))
-                .find(|length| {
-                    let trial = self.surface.settled(combined(&state.x, *length, &step));
-                    self.totals(&trial).is_some()
-                })
-                .ok_or(Failure::Lost)?;
-            state.x = self.surface.settled(combined(&state.x, length, &step));
+            let mut halved = (0..MOST_HALVINGS).map(|halvings| 0.5_f64.powi(halvings));
+            let shortened = halved.find_map(|length| {
+                let trial = self.surface.settled(combined(&state.x, length, &step));
+                let found = self.surface.evaluate(&trial, &mut forces, &mut pressed)?;
+                Some((length, trial, found))
+            });
+            let (length, trial, found) = shortened.ok_or(Failure::Lost)?;
+            (state.x, totals) = (trial, found);
             state.pressure += length * rise;
             self.steps += 1;
         }
@@ -637,12 +641,7 @@ impl<L: Material> Search<'_, L> {
 
     /// Returns dp/dVol along the equilibria through a state, and the change of the state with the volume.
     pub fn per_volume(&mut self, state: &State) -> Result<(f64, Vec<f64>), Failure> {
-        let [mut forces, mut pressed] = [(); 2].map(|()| vec![0.0; state.x.len()]);
-        self.surface
-            .evaluate(&state.x, &mut forces, &mut pressed)
-            .ok_or(Failure::Lost)?;
-        let at = self.surface.linearise(&state.x).ok_or(Failure::Lost)?;
-        let image = self.precondition(&at.poses, &pressed);
+        let (at, pressed, image) = self.pressed_at(&state.x)?;
         let system = System {
             at: &at,
             pressure: state.pressure,

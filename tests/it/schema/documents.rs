@@ -286,7 +286,8 @@ const GEOMETRIES: [&str; 10] = [
         { cubic: [[41 mm, 12 mm], [39 mm, 12 mm], [38 mm, 10 mm]] }] }, without: [{ disc: { centre: [40 mm, 9 mm], radius: 0.4 mm } }] },
       { union: [{ disc: { centre: [20 mm, 38 mm], radius: 1.5 mm } }] }, { intersect: [{ disc: { centre: [26 mm, 33 mm], radius: 1.5 mm } }] }] },
       bodies: [{ rectangle: [[10 mm, 20 mm], [16 mm, 26 mm]], load: [0.01 N, 0 N], spring: 2 N/m, curves: cells },
-      { disc: { centre: [35 mm, 25 mm], radius: 4 mm }, load: [0 N, 0 N, 0.2 N], spring: [0 N/m, 2 N/m, 40 N/m], tilt: false }, { polygon: [[20 mm, 10 mm], [30 mm, 10 mm], [25 mm, 16 mm]] }] }",
+      { disc: { centre: [35 mm, 25 mm], radius: 4 mm }, load: [0 N, 0 N, 0.2 N], spring: [0 N/m, 2 N/m, 40 N/m],
+        tilt: false }, { polygon: [[20 mm, 10 mm], [30 mm, 10 mm], [25 mm, 16 mm]] }] }",
     "{ side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50, bodies: [{ ellipse: { centre: [31 mm, 39 mm], semiaxes: [2 mm, 1 mm], angle: 20 deg } },
       { ring: { centre: [40 mm, 34 mm], radii: [1 mm, 2.5 mm] } }, { rectangle: { corners: [[8 mm, 30 mm], [12 mm, 33 mm]], angle: 10 deg, corner: 0.5 mm } },
       { path: { from: [38 mm, 8 mm], to: [{ line: [42 mm, 8 mm] }, { arc: [[43 mm, 9 mm], [42 mm, 10 mm]] },
@@ -344,7 +345,8 @@ properties: { sheet_resistance: 50 kOhm }",
   shear_modulus: { relative: 5 %, distribution: lognormal }, thickness: { relative: 3 %, distribution: normal },
   permittivity: { relative: 2 %, distribution: normal }, prestretch: { relative: 1 %, distribution: normal },
   mask: 0.15 mm, misregistration: [0.1 mm, 0.2 mm], lost_cells: 0.2 % }",
-    "drive: { voltage: 5 kV }\ntolerances: { voltage: 1 %, shear_modulus: 5 %, thickness: 0.03, permittivity: 2 %, prestretch: 1 %, misregistration: 0.1 mm }",
+    "drive: { voltage: 5 kV }\ntolerances: { voltage: 1 %, shear_modulus: 5 %, thickness: 0.03, permittivity: 2 %,
+  prestretch: 1 %, misregistration: 0.1 mm }",
 ];
 
 /// The documents of a kind.
