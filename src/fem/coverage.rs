@@ -61,7 +61,7 @@ impl Covered {
         let part = grid.layout().part();
         let mut covered = Self {
             coverage: Arc::clone(coverage),
-            normals: Normals::new(grid, coverage),
+            normals: Normals::new(coverage.raster()),
             loads: loads.to_vec(),
             elements: Vec::new(),
             of_uncut_elements: BothPrecisions::new(Vec::new()),
@@ -71,8 +71,7 @@ impl Covered {
             .each_element()
             .filter(|at| grid.content(*at).part == Part::Membrane)
         {
-            let laminate = covered.laminate_of_cell(grid.cell_of(at));
-            if let Some(laminate) = laminate.filter(Laminate::is_cut) {
+            if let Some(laminate) = covered.laminate_of_cut_cell(grid, grid.cell_of(at)) {
                 uncut[at[1] * part + at[0]] = 0.0;
                 covered.elements.push(CutElement { at, laminate });
             }
@@ -88,12 +87,20 @@ impl Covered {
 
     /// Returns the laminate of a cell (column, row), also of a covered or bare one at an edge; `None` far from edges,
     /// and where a cell has no normal, as a lone one. There the energy is linear in the share.
-    pub(super) fn laminate_of_cell(&self, [x, y]: [usize; 2]) -> Option<Laminate> {
+    pub(super) fn laminate_of_cell(&self, grid: &Grid, [x, y]: [usize; 2]) -> Option<Laminate> {
         Some(Laminate {
             share: self.coverage.share(x, y),
             load: self.load_of_cell(x, y),
-            normal: self.normals.at(x, y)?,
+            normal: self.normals.at(grid, &self.coverage, [x, y])?,
         })
+    }
+
+    /// Returns the same of a cell that an electrode covers in part.
+    pub(super) fn laminate_of_cut_cell(&self, grid: &Grid, [x, y]: [usize; 2]) -> Option<Laminate> {
+        let share = self.coverage.share(x, y);
+        (share > 0.0 && share < 1.0)
+            .then(|| self.laminate_of_cell(grid, [x, y]))
+            .flatten()
     }
 
     /// Returns the load of the electrode of a cell; the full one for a bare cell.

@@ -188,7 +188,7 @@ impl<'a, L: Material> Laminates<'a, L> {
                 pairs.map(|(force, adjoint)| force * adjoint).sum()
             };
             let [x, y] = grid.cell_of(at);
-            let laminate = self.covered.laminate_of_cell([x, y]);
+            let laminate = self.covered.laminate_of_cell(grid, [x, y]);
             let mut slopes = [[[[0.0; 2]; 2]; N]; 2];
             for (q, point) in gradients.into_iter().enumerate() {
                 [slopes[0][q], slopes[1][q]] = match &laminate {

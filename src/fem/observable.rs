@@ -128,8 +128,7 @@ impl WithMaterial for States<'_> {
                 let cut = self
                     .activity
                     .covered()
-                    .and_then(|covered| covered.laminate_of_cell([x, y]));
-                let cut = cut.filter(Laminate::is_cut);
+                    .and_then(|covered| covered.laminate_of_cut_cell(grid, [x, y]));
                 self.state(&material, &scale, cell, cut)
             })
             .collect()

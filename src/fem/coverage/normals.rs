@@ -5,16 +5,18 @@
 //! slope is taken where it is larger, as columns end before a steep edge (Aulisa, Manservisi, Scardovelli and Zaleski,
 //! J. Comput. Phys. 225 (2007) 2301).
 
-use deaflow_pattern::Coverage;
+use std::sync::OnceLock;
+
+use deaflow_pattern::{Coverage, Raster};
 
 use crate::grid::Grid;
 
-/// The normals of cells.
+/// The normals of cells, each estimated when it is first needed: a simulation needs those of cut cells alone.
 #[derive(Clone, Debug)]
 pub(super) struct Normals {
     columns: usize,
     /// The normal of each cell, in the coordinates of gradients, if there is an edge.
-    all: Vec<Option<[f64; 2]>>,
+    all: Vec<OnceLock<Option<[f64; 2]>>>,
 }
 
 /// Which estimate of a normal is taken.
@@ -29,24 +31,22 @@ enum Estimate {
 }
 
 impl Normals {
-    /// Estimates the normal of each cell.
-    pub(super) fn new(grid: &Grid, coverage: &Coverage) -> Self {
-        let [columns, rows] = coverage.raster().sides();
-        let cells = (0..rows).flat_map(|y| (0..columns).map(move |x| [x, y]));
+    /// Prepares the normals of the cells of a raster.
+    pub(super) fn new(raster: Raster) -> Self {
         Self {
-            columns,
-            all: cells.map(|cell| normal(grid, coverage, cell)).collect(),
+            columns: raster.columns(),
+            all: vec![OnceLock::new(); raster.cells()],
         }
     }
 
     /// Returns the normal of a cell.
-    pub(super) fn at(&self, x: usize, y: usize) -> Option<[f64; 2]> {
-        self.all[y * self.columns + x]
+    pub(super) fn at(&self, grid: &Grid, coverage: &Coverage, [x, y]: [usize; 2]) -> Option<[f64; 2]> {
+        *self.all[y * self.columns + x].get_or_init(|| normal(grid, coverage, [x, y]))
     }
 
     /// Returns the derivatives of the angle of a normal with respect to the shares of cells (column, row).
     pub(super) fn slopes(&self, grid: &Grid, coverage: &Coverage, [x, y]: [usize; 2]) -> Vec<([usize; 2], f64)> {
-        if self.at(x, y).is_none() {
+        if self.at(grid, coverage, [x, y]).is_none() {
             return Vec::new();
         }
         let around = Around::of(grid, coverage, [x, y]);
