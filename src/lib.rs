@@ -11,7 +11,7 @@
 //! ```text
 //! cli          → every domain crate, stage, content, executor, orchestrator, remote, store, report, serve, hdf
 //! serve        → every domain crate, stage, content, executor, orchestrator, store, report
-//! report       → content, orchestrator, store, pattern, field, scene
+//! report       → content, orchestrator, store, tolerance, pattern, field, scene
 //! stage        → every domain crate, content, orchestrator, store
 //! executor     → orchestrator, store
 //! orchestrator → store

@@ -28,10 +28,11 @@ FIGURES = {
     "training": ("paper", "physics", "training"),
     "verification": ("quickstart", "verified", "verification"),
     "worth": ("paper", "accuracy", "accuracy"),
+    "yields": ("tolerances", "made", "yields"),
 }
 
 # Figures with few colours: a palette reduces them to a third or a half of the bytes.
-CHARTS = {"accuracy", "audit", "cases", "evaluation", "histogram", "stroke", "sweep", "training", "verification", "worth"}
+CHARTS = {"accuracy", "audit", "cases", "evaluation", "histogram", "stroke", "sweep", "training", "verification", "worth", "yields"}
 
 # Limit of the total size in bytes, because every clone fetches the figures.
 MOST = 1_200_000

@@ -170,7 +170,8 @@ def main():
     schema = json.load(sys.stdin)
     schema = plain(schema, schema["$defs"])
     kinds = schema["$defs"]
-    order = ["sample", "solve", "balance", "train", "calibrate", "evaluate", "design", "verify", "accuracy", "audit",
+    order = ["sample", "solve", "balance", "train", "calibrate", "evaluate", "design", "verify", "yield", "accuracy",
+             "audit",
              "measure", "fit", "compare"]
     order += [kind for kind in kinds if kind not in order and kind not in ("scene", "shape", "side", "axis", *SWEEPS)]
     parts = [HEAD.strip(), section("Scene", kinds["scene"]), sweeps(kinds)]

@@ -119,7 +119,7 @@ pub fn execute(arguments: &YieldArguments, output: &Output) -> Result<Exit, CliE
     } = direct::patterns(&arguments.patterns, scene.form(), &DrawingOptions::default())?;
     notes.iter().for_each(|note| output.warn(note));
     let study = Study::new(
-        resolve(&scene)?,
+        vec![resolve(&scene)?],
         tolerances.ok_or(ToleranceError::None)?,
         arguments.options(),
         arguments.time.work_limit(),
@@ -168,14 +168,14 @@ fn of_pattern(
     file: String,
     probe: &Probe,
 ) -> Result<Found, CliError> {
-    let nominal = study.nominal(pattern)?.ok().map(|field| probe.of(&field));
+    let nominal = study.nominal(pattern)?.ok().map(|fields| probe.of(&fields[0]));
     let mut samples = arguments.samples;
     let mut devices: Vec<Device> = Vec::new();
     loop {
         let bar = Bar::new(&file, "devices", u64::from(samples));
         let done = devices.len() as u32;
         bar.set(u64::from(done), u64::from(samples));
-        devices.extend(study.devices(pattern, done..samples, |field| probe.of(field), || bar.advance(1))?);
+        devices.extend(study.devices(pattern, done..samples, |fields| probe.of(&fields[0]), || bar.advance(1))?);
         bar.clear();
         if is_interrupted() {
             return Err(CliError::stopped("stopped before all devices were simulated"));
@@ -210,10 +210,8 @@ fn devices(found: &[Found], varying: &[Source]) -> Result<String, CliError> {
     let rows = found.iter().flat_map(|one| {
         one.devices.iter().enumerate().map(|(index, device)| {
             let deviations = varying.iter().map(|source| device.deviation(*source).to_string());
-            let (outcome, value) = match device.value {
-                Ok(mm) => ("converged", mm.to_string()),
-                Err(failure) => (failure.name(), String::new()),
-            };
+            let outcome = device.outcome();
+            let value = device.value.map_or_else(|_| String::new(), |mm| mm.to_string());
             let first = [one.file.clone(), index.to_string()];
             first
                 .into_iter()
@@ -285,11 +283,8 @@ fn text(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Text {
                 one.file
             ));
         }
-        for (count, what) in [
-            (result.unstable, "have no stable state"),
-            (result.short_circuits, "have a short circuit between groups"),
-            (result.unsolved, "need more than the limit of work (raise --time-limit)"),
-        ] {
+        for (failure, count) in result.failures {
+            let what = failure.description();
             if count > 0 {
                 text.line(format!(
                     "{}: {count} devices {what}; they count as failed, and not in the mean",
@@ -321,6 +316,10 @@ fn document(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Value
             .shares
             .iter()
             .map(|(source, share)| (source.name().to_owned(), json!(share)));
+        let failures = result
+            .failures
+            .iter()
+            .map(|(failure, count)| (failure.name().to_owned(), json!(count)));
         json!({
             "index": index,
             "file": one.file,
@@ -330,9 +329,7 @@ fn document(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Value
             "standard_deviation_mm": estimate(&result.deviation),
             "quantiles_mm": result.quantiles.iter().map(quantile).collect::<Vec<_>>(),
             "yield": estimate(&result.reached),
-            "unstable": result.unstable,
-            "short_circuits": result.short_circuits,
-            "unsolved": result.unsolved,
+            "failures": failures.collect::<serde_json::Map<_, _>>(),
             "shares": shares.collect::<serde_json::Map<_, _>>(),
         })
     };

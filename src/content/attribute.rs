@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::error::{AttributeError, Fault};
-use deaflow_scene::{Effects, Scene};
+use deaflow_scene::{Effects, Scene, Tolerances};
 
 /// A value that is stored in an attribute as text.
 pub trait Attribute: Sized {
@@ -50,7 +50,7 @@ macro_rules! yaml {
     )*};
 }
 
-yaml!(Effects, Scene);
+yaml!(Effects, Scene, Tolerances);
 
 impl<A: Attribute> Attribute for Option<A> {
     fn into_text(self) -> Option<String> {

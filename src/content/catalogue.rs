@@ -4,7 +4,7 @@ use super::declared::Declared;
 use super::{
     Accuracy, ArtifactKind, Audit, Balanced, Calibration, Comparison, Designs, Evaluation, FittedScene,
     FrequencyResponses, Histories, InflationPaths, Inflations, LoadPaths, Measurements, Samples, Solutions, SolveFile,
-    Table, Training, Verification, Vibrations,
+    Table, Training, Verification, Vibrations, Yields,
 };
 
 /// The content of a kind of artifact or file.
@@ -44,6 +44,7 @@ pub fn catalogue() -> Vec<ContentOfKind> {
         ArtifactKind::Compare.name() => Comparison,
         ArtifactKind::Design.name() => Designs,
         ArtifactKind::Verify.name() => Verification,
+        ArtifactKind::Yield.name() => Yields,
         ArtifactKind::Accuracy.name() => Accuracy,
         ArtifactKind::Audit.name() => Audit,
         ArtifactKind::Table.name() => Table,

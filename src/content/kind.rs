@@ -32,6 +32,8 @@ words! {
         Design = "design",
         /// Simulated designs.
         Verify = "verify",
+        /// Devices of designs under tolerances.
+        Yield = "yield",
         /// Errors of methods.
         Accuracy = "accuracy",
         /// An audit of a dataset.

@@ -38,6 +38,7 @@ mod solve_file;
 mod table;
 mod training;
 mod vibrations;
+mod yields;
 
 #[cfg(test)]
 mod tests;
@@ -80,3 +81,4 @@ pub use table::Table;
 pub use training::{ALL_FAMILIES, Curves, LeftOutLabels, Metrics, Training};
 pub use vibrations::Vibrations;
 pub use view::{Stored, StoredAttribute, files};
+pub use yields::{DesignDevices, DeviceBatches, DeviceBatchesView, Yields, YieldsView};

@@ -84,6 +84,14 @@ impl Mesh {
         self.elements_per_cell
     }
 
+    /// Returns the relative work for a pattern, by the number of unknowns. Biquadratic elements have four times as many
+    /// and couple each to more.
+    #[must_use]
+    pub fn weight(&self) -> f64 {
+        let factor = if self.order == Order::Biquadratic { 6.0 } else { 1.0 };
+        factor * (self.elements_per_cell as f64).powi(2)
+    }
+
     /// Returns a finer mesh to estimate the error of this one: biquadratic instead of bilinear elements, or biquadratic
     /// elements of half the size; `None` for the finest mesh. Its own error is an eighth to a third of the error here
     /// (docs/accuracy.md).

@@ -10,7 +10,7 @@ const MAX_LINES: usize = 2;
 
 /// The kinds in the order of their importance: results come before what they were computed from.
 const ORDER: &[&str] = &[
-    "verify", "table", "evaluate", "design", "train", "compare", "fit", "audit", "solve", "import",
+    "verify", "yield", "table", "evaluate", "design", "train", "compare", "fit", "audit", "solve", "import",
 ];
 
 /// Returns the main results of a run, and the number of further lines of the same kinds. All warnings are among the

@@ -118,33 +118,13 @@ impl RowSummary {
     /// Returns its title: case, target, number and role.
     #[must_use]
     pub fn title(&self) -> String {
-        let mut words: Vec<String> = Vec::new();
-        if !self.case.is_empty() {
-            words.push(self.case.clone());
-        }
-        // A single objective has the name of the stage kind.
-        if self.name != "design" || words.is_empty() {
-            words.push(self.name.clone());
-        }
-        if self.member > 0 {
-            words.push((self.member + 1).to_string());
-        }
-        format!("{}: {}", words.join(" "), self.role_name())
+        design_title(&self.case, &self.name, self.member, self.role)
     }
 
     /// Rounds a displacement of the simulation in mm by its estimated error, if that is known.
     fn rounded(&self, value: f64) -> String {
         self.simulated_error_mm
             .map_or_else(|| mm(value), |error| rounded_by(value, error))
-    }
-
-    fn role_name(&self) -> &'static str {
-        match self.role {
-            Role::Ga => "genetic algorithm",
-            Role::Optimum => "gradient search",
-            Role::IntuitiveEqualArea => "intuitive, equal area",
-            other => other.name(),
-        }
     }
 
     fn same_target(&self, other: &Self) -> bool {
@@ -222,7 +202,7 @@ impl VerificationSummary {
                 _ => {
                     let drawn = self.rows.iter().find_map(|row| Some((row, row.simulated_mm?)));
                     let drawn = drawn.map_or_else(String::new, |(row, value)| {
-                        format!("; {}: {} {unit}", row.role_name(), row.rounded(value))
+                        format!("; {}: {} {unit}", role_name(row.role), row.rounded(value))
                     });
                     format!("{stage}: no stable solution was found for any design that was searched{drawn}")
                 }
@@ -242,7 +222,7 @@ impl VerificationSummary {
                 n => Headline::bad(format!("{text}; {n} violate constraints")),
             };
         }
-        let mut text = format!("{stage}: best design ({})", best.role_name());
+        let mut text = format!("{stage}: best design ({})", role_name(best.role));
         if let Some(predicted) = best.comparable_prediction_mm() {
             text += &format!(", predicted {} {unit}", mm(predicted));
         }
@@ -544,4 +524,29 @@ impl fmt::Display for Line<'_> {
         }
         Ok(())
     }
+}
+
+fn role_name(role: Role) -> &'static str {
+    match role {
+        Role::Ga => "genetic algorithm",
+        Role::Optimum => "gradient search",
+        Role::IntuitiveEqualArea => "intuitive, equal area",
+        other => other.name(),
+    }
+}
+
+/// Returns the title of a design: case, target, number and role.
+pub fn design_title(case: &str, name: &str, member: u64, role: Role) -> String {
+    let mut words: Vec<String> = Vec::new();
+    if !case.is_empty() {
+        words.push(case.to_owned());
+    }
+    // A single objective has the name of the stage kind.
+    if name != "design" || words.is_empty() {
+        words.push(name.to_owned());
+    }
+    if member > 0 {
+        words.push((member + 1).to_string());
+    }
+    format!("{}: {}", words.join(" "), role_name(role))
 }

@@ -1,9 +1,12 @@
 //! What differs from one device to the next.
 
+use std::path::Path;
+
 use super::geometry::Both;
 use super::model::{SECTIONS, WHAT};
 use deaflow_base::{
-    Canonical, Decimal, Declared, InputError, Length, Map, Node, NodeValue, Parameter, Schema, parameters, words,
+    Canonical, Decimal, Declared, Document, InputError, Length, Map, Node, NodeValue, Parameter, Schema, parameters,
+    words,
 };
 
 /// Largest relative standard deviations: of a normal distribution, whose values stay positive then, and of the other.
@@ -123,5 +126,19 @@ impl Tolerances {
     pub fn of_scene(scene: &Node) -> Result<Option<Self>, InputError> {
         let node = scene.fields(WHAT, &SECTIONS)?.optional("tolerances");
         node.map(|node| Self::read_with(node, &[])).transpose()
+    }
+
+    /// Returns the tolerances in YAML on one line.
+    #[must_use]
+    pub fn to_text(&self) -> String {
+        self.to_canonical().to_string()
+    }
+
+    /// Reads the text of [`Tolerances::to_text`].
+    ///
+    /// # Errors
+    /// When the text is not valid.
+    pub fn from_text(text: &str) -> Result<Self, InputError> {
+        Self::read_with(&Document::from_text(Path::new("tolerances"), text)?.root, &[])
     }
 }

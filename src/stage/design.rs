@@ -18,10 +18,10 @@ use serde_json::json;
 
 use super::results::{PREDICTED_REACTION, of_targets};
 use super::{drive_check, model, needed, scene};
-use deaflow_base::{Canonical, Declared, Fields, InputError, Map, Node, Parameter, parameters};
+use deaflow_base::{Canonical, Declared, Document, Fields, InputError, Map, Node, Parameter, parameters};
 use deaflow_content::Designs;
 use deaflow_design::{
-    CaseLabel, ConstraintParameters, DesignTask, Method, PlannedDesign, ResponseKind, Search, SearchError,
+    CaseLabel, ConstraintParameters, DesignTask, Method, Objective, PlannedDesign, ResponseKind, Search, SearchError,
     SearchOptions, Target, Targets,
 };
 use deaflow_fem::effects::breakdown_ratio_at_rest;
@@ -229,6 +229,15 @@ pub(super) fn planned(stage: &StageDeclaration<'_>) -> Result<Vec<PlannedDesign>
     } = DesignParameters::read_map(&map)?;
     let task = DesignTask::read((targets, &options), (&map, stage.node), &scene)?;
     Ok(task.planned(stage.name, case.as_ref(), &options))
+}
+
+/// Reads an objective as artifacts have it.
+///
+/// # Errors
+/// If it is invalid.
+pub(super) fn stored_objective(text: &str) -> Result<Objective, String> {
+    let document = Document::from_text(std::path::Path::new("objective"), text).map_err(|error| error.to_string())?;
+    Objective::read(&document.root).map_err(|error| error.to_string())
 }
 
 /// Refuses a target at a time in a scene whose creep does not follow from three equilibria, and an amplitude without a

@@ -29,6 +29,7 @@ mod table;
 mod train;
 mod verify;
 mod without;
+mod yields;
 
 pub use drive_check::weak_drive_warning;
 pub use registry::registry;

@@ -2,13 +2,13 @@
 
 use crate::{
     accuracy, audit, balance, calibrate, compare, design, evaluate, fit, import, measure, patterns, sample, scene,
-    solve, table, train, verify,
+    solve, table, train, verify, yields,
 };
 use deaflow_orchestrator::{Kind, MOST_STAGES, Registry};
 use deaflow_scene::Scene;
 
 /// The kinds whose results a table may collect: all others.
-static COLLECTED: [&dyn Kind; 15] = [
+static COLLECTED: [&dyn Kind; 16] = [
     &sample::SampleKind,
     &patterns::PatternsKind,
     &solve::SolveKind,
@@ -17,6 +17,7 @@ static COLLECTED: [&dyn Kind; 15] = [
     &train::TrainKind,
     &design::DesignKind,
     &verify::VerifyKind,
+    &yields::YieldKind,
     &accuracy::AccuracyKind,
     &audit::AuditKind,
     &calibrate::CalibrateKind,

@@ -27,6 +27,7 @@ pub fn words_of(kind: &str) -> &'static [&'static str] {
         ArtifactKind::Compare => &["rms", "r_squared", "chi2_per_dof"],
         ArtifactKind::Design => &["predicted", "predicted_reaction", "area"],
         ArtifactKind::Verify => &["displacement", "reaction", "area", "predicted", "predicted_reaction"],
+        ArtifactKind::Yield => &["yield", "mean", "deviation", "failed"],
         ArtifactKind::Accuracy => &["max_error"],
         ArtifactKind::Audit => &["rows", "errors", "warnings"],
         ArtifactKind::Table => &[],
@@ -35,7 +36,7 @@ pub fn words_of(kind: &str) -> &'static [&'static str] {
 
 /// Returns the unit of a result, by its first word.
 pub fn unit(name: &str) -> &'static str {
-    const LENGTHS: [&str; 7] = [
+    const LENGTHS: [&str; 9] = [
         "max_displacement",
         "mean_displacement",
         "displacement",
@@ -43,6 +44,8 @@ pub fn unit(name: &str) -> &'static str {
         "rmse",
         "max_error",
         "error",
+        "mean",
+        "deviation",
     ];
     let word = name.split('.').next().unwrap_or(name);
     match word {

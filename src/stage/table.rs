@@ -52,6 +52,7 @@ impl Kind for TableKind {
                 "evaluate",
                 "design",
                 "verify",
+                "yield",
                 "accuracy",
                 "audit",
             ],

@@ -10,9 +10,9 @@ use std::sync::Arc;
 use super::design::{self, amplitude_solver};
 use super::results::{PREDICTED_REACTION, REACTION, of_targets};
 use super::{drive_check, needed, patterns, scene, solution};
-use deaflow_base::{Canonical, Document, Fields, InputError, Map, Node};
+use deaflow_base::{Canonical, Fields, InputError, Map, Node};
 use deaflow_content::{Components, DesignRows, Designs, Packed, SimulatedStates, Verification, predicted_rows};
-use deaflow_design::{Goal, Objective, PlannedDesign, ResponseKind};
+use deaflow_design::{Goal, PlannedDesign, ResponseKind};
 use deaflow_fem::screening::resolved_states;
 use deaflow_fem::{GeometryError, History, SetupError, SolverParameters, geometry_revision};
 use deaflow_field::{Field, Mesh, REACTION_UNIT};
@@ -309,8 +309,7 @@ impl VerifyStage {
 
     /// Reads the goal of a design. Area and its weight do not affect the displacement.
     fn goal(&self, text: &str, states: &[Scene]) -> Result<CaseGoal, String> {
-        let document = Document::from_text(std::path::Path::new("objective"), text).map_err(|e| e.to_string())?;
-        let objective = Objective::read(&document.root).map_err(|e| e.to_string())?;
+        let objective = design::stored_objective(text)?;
         let goal = objective.goal(&self.scene, None, 0.0).map_err(|e| e.to_string())?;
         let response = objective.response();
         let index = time_index(response, &self.solver);

@@ -47,6 +47,13 @@ impl Source {
         }
     }
 
+    /// Returns by what devices differ under tolerances, besides lost cells.
+    #[must_use]
+    pub fn varying(tolerances: &Tolerances) -> Vec<Self> {
+        let all = Self::ALL.into_iter();
+        all.filter(|source| source.varies(tolerances)).collect()
+    }
+
     /// Returns whether devices differ by it.
     pub(crate) fn varies(self, tolerances: &Tolerances) -> bool {
         let factor = |spread: &Option<Spread>| spread.as_ref().is_some_and(|spread| spread.0.relative.to_f64() > 0.0);

@@ -23,8 +23,8 @@ pub enum ToleranceError {
         /// The tolerance.
         tolerance: &'static str,
     },
-    /// The electrodes of two groups in one cell.
-    #[error("{0}, as a device is made: use smaller cells")]
+    /// Shares of cells that no pattern has.
+    #[error("{0}, as a device is made")]
     Coverage(#[from] CoverageError),
     /// A device that cannot be simulated.
     #[error(transparent)]

@@ -19,4 +19,4 @@ pub use device::Source;
 pub use error::ToleranceError;
 pub use sampling::MOST_SAMPLES;
 pub use statistics::{Estimate, Quantile, Yield};
-pub use study::{Device, Failure, Study};
+pub use study::{CONVERGED, Device, Failure, Study, check_tolerances};

@@ -21,6 +21,8 @@ pub(crate) enum Made {
     Pattern(Pattern),
     /// Electrodes of two groups touch.
     ShortCircuit,
+    /// Electrodes of two groups lie in one cell, which no simulation resolves.
+    SharedCell,
 }
 
 /// An electrode, made wider or narrower by a square, as a mitred offset of its edges does.
@@ -59,7 +61,7 @@ impl Layer<'_> {
 /// Returns a pattern of whole cells as it is made. Only free membrane has electrodes that are not drawn.
 ///
 /// # Errors
-/// When the electrodes of two groups share a cell.
+/// When shares of cells are not those of a covered pattern.
 pub(crate) fn made(
     pattern: &Pattern,
     parts: Option<&Parts>,
@@ -79,6 +81,7 @@ pub(crate) fn made(
     let around = std::array::from_fn(|axis| (layer.reach[axis] + shift[axis].abs()).ceil() as usize);
     let cuts: [Vec<f64>; 2] = std::array::from_fn(|axis| cuts(layer.reach[axis], shift[axis]));
     let (mut groups, mut shares) = (vec![0; raster.cells()], vec![0.0; raster.cells()]);
+    let mut is_shared = false;
     for (y, x) in (0..rows).flat_map(|y| (0..columns).map(move |x| (y, x))) {
         let at = y * columns + x;
         let own = pattern.group(x, y);
@@ -105,18 +108,14 @@ pub(crate) fn made(
                     return Ok(Made::ShortCircuit);
                 }
                 let area = (high_x - low_x) * (high_y - low_y);
-                if ![0, lower].contains(&groups[at]) {
-                    return Err(CoverageError::TwoGroups {
-                        y,
-                        x,
-                        groups: [groups[at], lower],
-                        shares: [shares[at], area],
-                    });
-                }
+                is_shared |= ![0, lower].contains(&groups[at]);
                 groups[at] = lower;
                 shares[at] += area;
             }
         }
+    }
+    if is_shared {
+        return Ok(Made::SharedCell);
     }
     let shares: Vec<f64> = shares.into_iter().map(|share: f64| share.min(1.0)).collect();
     Coverage::new(raster, &groups, &shares).map(|coverage| Made::Pattern(Pattern::of_coverage(coverage)))

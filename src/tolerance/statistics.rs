@@ -10,6 +10,8 @@ use crate::study::{Device, Failure};
 const NORMAL_95: f64 = 1.959_963_984_540_054;
 /// The quantiles that are told.
 const PROBABILITIES: [f64; 3] = [0.05, 0.5, 0.95];
+/// Number of reasons for which a device fails.
+const FAILURES: usize = Failure::ALL.len();
 /// Fewest devices from which shares of the variance are estimated.
 const FEWEST: usize = 32;
 /// A standard deviation relative to the mean that is rounding.
@@ -40,12 +42,8 @@ pub struct Quantile {
 pub struct Yield {
     /// Number of devices.
     pub samples: usize,
-    /// Number of devices that have no stable state.
-    pub unstable: usize,
-    /// Number of devices in which electrodes of two groups touch.
-    pub short_circuits: usize,
-    /// Number of devices that the limit of work did not suffice for.
-    pub unsolved: usize,
+    /// Number of devices that fail for each reason.
+    pub failures: [(Failure, usize); FAILURES],
     /// The mean displacement in mm of the devices that do not fail; `None` without any.
     pub mean: Option<Estimate>,
     /// The standard deviation in mm of these; `None` with fewer than two.
@@ -62,7 +60,13 @@ impl Yield {
     /// Returns the number of devices that fail.
     #[must_use]
     pub fn failed(&self) -> usize {
-        self.unstable + self.short_circuits + self.unsolved
+        self.failures.iter().map(|(_, count)| count).sum()
+    }
+
+    /// Returns the number of devices that fail for a reason.
+    #[must_use]
+    pub fn failed_by(&self, failure: Failure) -> usize {
+        self.failures[failure as usize].1
     }
 
     /// Evaluates devices; `wanted` is the displacement that they have to reach, mm.
@@ -81,9 +85,7 @@ impl Yield {
         });
         Self {
             samples: devices.len(),
-            unstable: count(Failure::Unstable),
-            short_circuits: count(Failure::ShortCircuit),
-            unsolved: count(Failure::Unsolved),
+            failures: Failure::ALL.map(|failure| (failure, count(failure))),
             mean: mean(&values),
             deviation: deviation(&values),
             quantiles: PROBABILITIES.map(|probability| quantile(&sorted, probability)).to_vec(),

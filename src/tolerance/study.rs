@@ -21,8 +21,23 @@ words! {
         Unstable = "unstable",
         /// Electrodes of two groups touch.
         ShortCircuit = "short-circuit",
+        /// Electrodes of two groups lie in one cell.
+        SharedCell = "shared-cell",
         /// The limit of work was reached.
         Unsolved = "not-solved",
+    }
+}
+
+impl Failure {
+    /// Returns what is wrong with devices that fail so, after their number.
+    #[must_use]
+    pub fn description(self) -> &'static str {
+        match self {
+            Self::Unstable => "have no stable state",
+            Self::ShortCircuit => "have a short circuit between groups",
+            Self::SharedCell => "have two groups in one cell, which is not simulated (use smaller cells)",
+            Self::Unsolved => "need more than the limit of work",
+        }
     }
 }
 
@@ -35,7 +50,37 @@ pub struct Device {
     pub value: Result<f64, Failure>,
 }
 
+/// The outcome of a device that does not fail.
+pub const CONVERGED: &str = "converged";
+
 impl Device {
+    /// Returns how it ended, as a word: [`CONVERGED`] or why it failed.
+    #[must_use]
+    pub fn outcome(&self) -> &'static str {
+        self.value.map_or_else(Failure::name, |_| CONVERGED)
+    }
+
+    /// Returns the devices of an artifact from their outcomes, displacements and deviations; `None` if an outcome is
+    /// unknown or the numbers of rows differ.
+    #[must_use]
+    pub fn of_rows(outcomes: &[String], displacements: &[f64], deviations: &[[f64; SOURCES]]) -> Option<Vec<Self>> {
+        if [displacements.len(), deviations.len()] != [outcomes.len(); 2] {
+            return None;
+        }
+        let rows = outcomes.iter().zip(displacements).zip(deviations);
+        rows.map(|((outcome, mm), deviations)| {
+            let value = match outcome.as_str() {
+                CONVERGED => Ok(*mm),
+                other => Err(Failure::from_name(other)?),
+            };
+            Some(Self {
+                deviations: *deviations,
+                value,
+            })
+        })
+        .collect()
+    }
+
     /// Returns a deviation in units of the standard deviation.
     #[must_use]
     pub fn deviation(&self, source: Source) -> f64 {
@@ -45,7 +90,8 @@ impl Device {
 
 /// The devices of a scene with tolerances.
 pub struct Study {
-    scene: Scene,
+    /// The states of each device; the voltages of all deviate by the same factor.
+    states: Vec<Scene>,
     tolerances: Tolerances,
     options: SolveOptions,
     limit: WorkLimit,
@@ -53,63 +99,33 @@ pub struct Study {
 }
 
 impl Study {
-    /// Prepares the devices of a scene in one state with its effects decided.
+    /// Prepares the devices of a scene, given in each of its states with its effects decided.
     ///
     /// # Errors
     /// If nothing varies, or a tolerance is not simulated in the scene.
     pub fn new(
-        scene: Scene,
+        states: Vec<Scene>,
         tolerances: Tolerances,
         options: SolveOptions,
         limit: WorkLimit,
         seed: u64,
     ) -> Result<Self, ToleranceError> {
-        device::check(&scene, &tolerances)?;
         let study = Self {
-            scene,
+            states,
             tolerances,
             options,
             limit,
             seed,
         };
-        if study.varying().is_empty() && study.lost_cells() == 0.0 {
-            return Err(ToleranceError::None);
-        }
-        if study.cuts_cells() {
-            let tolerance = study.of_electrodes().unwrap_or_default();
-            check_covered_cells(&study.scene).map_err(|error| match error {
-                SetupError::Coverage { with } => ToleranceError::Setting { tolerance, with },
-                other => other.into(),
-            })?;
-        }
+        let mut states = study.states.iter();
+        states.try_for_each(|scene| check_tolerances(scene, &study.tolerances))?;
         Ok(study)
     }
 
     /// Returns by what devices differ, besides lost cells.
     #[must_use]
     pub fn varying(&self) -> Vec<Source> {
-        let all = Source::ALL.into_iter();
-        all.filter(|source| source.varies(&self.tolerances)).collect()
-    }
-
-    fn lost_cells(&self) -> f64 {
-        self.tolerances.lost_cells.as_ref().map_or(0.0, |share| share.to_f64())
-    }
-
-    /// Returns the first tolerance that changes the electrodes.
-    fn of_electrodes(&self) -> Option<&'static str> {
-        let is_lossy = self.lost_cells() > 0.0;
-        match self.cuts_cells() {
-            true if Source::Mask.varies(&self.tolerances) => Some("mask"),
-            true => Some("misregistration"),
-            false => is_lossy.then_some("lost_cells"),
-        }
-    }
-
-    /// Returns whether electrodes cover parts of cells.
-    fn cuts_cells(&self) -> bool {
-        let sources = [Source::Mask, Source::MisregistrationX, Source::MisregistrationY];
-        sources.into_iter().any(|source| source.varies(&self.tolerances))
+        Source::varying(&self.tolerances)
     }
 
     /// Refuses a pattern whose electrodes are not those of whole cells, if they vary.
@@ -118,14 +134,14 @@ impl Study {
     /// If the pattern is refused.
     pub fn check(&self, pattern: &Pattern) -> Result<(), ToleranceError> {
         let is_drawn = pattern.coverage().is_some() || pattern.electrodes().is_some();
-        match self.of_electrodes().filter(|_| is_drawn) {
+        match of_electrodes(&self.tolerances).filter(|_| is_drawn) {
             Some(tolerance) => Err(ToleranceError::Cells { tolerance }),
             None => Ok(()),
         }
     }
 
-    /// Simulates some of the devices of a pattern; `value` is the displacement in mm of a field, and `done` is called
-    /// after each device.
+    /// Simulates some of the devices of a pattern; `value` is the displacement in mm of the fields in all states, and
+    /// `done` is called after each device.
     ///
     /// # Errors
     /// If a device cannot be simulated.
@@ -133,26 +149,26 @@ impl Study {
         &self,
         pattern: &Pattern,
         range: Range<u32>,
-        value: impl Fn(&Field) -> f64 + Sync,
+        value: impl Fn(&[Field]) -> f64 + Sync,
         done: impl Fn() + Sync,
     ) -> Result<Vec<Device>, ToleranceError> {
         range
             .into_par_iter()
             .map(|index| {
                 let deviations = sampling::deviations(self.seed, index);
-                let value = self.device(pattern, index, &deviations)?.map(|field| value(&field));
+                let value = self.device(pattern, index, &deviations)?.map(|fields| value(&fields));
                 done();
                 Ok(Device { deviations, value })
             })
             .collect()
     }
 
-    /// Simulates the pattern as drawn in the scene.
+    /// Simulates the pattern as drawn in all states.
     ///
     /// # Errors
     /// If it cannot be simulated.
-    pub fn nominal(&self, pattern: &Pattern) -> Result<Result<Field, Failure>, ToleranceError> {
-        self.simulate(&self.scene, pattern)
+    pub fn nominal(&self, pattern: &Pattern) -> Result<Result<Vec<Field>, Failure>, ToleranceError> {
+        in_all(self.states.iter().map(|scene| self.simulate(scene, pattern)))
     }
 
     fn device(
@@ -160,23 +176,28 @@ impl Study {
         pattern: &Pattern,
         index: u32,
         deviations: &[f64; SOURCES],
-    ) -> Result<Result<Field, Failure>, ToleranceError> {
-        let pattern = match self.of_electrodes() {
-            None => pattern.clone(),
-            Some(_) => {
-                let membrane = self.scene.membrane();
-                let lost = sampling::lost(self.seed, index, membrane.raster.cells(), self.lost_cells());
+    ) -> Result<Result<Vec<Field>, Failure>, ToleranceError> {
+        let pattern = match (of_electrodes(&self.tolerances), self.states.first()) {
+            (Some(_), Some(any)) => {
+                let membrane = any.membrane();
+                let lost = sampling::lost(self.seed, index, membrane.raster.cells(), lost_cells(&self.tolerances));
                 let offsets = device::offsets(&self.tolerances, deviations);
-                match made(pattern, self.scene.parts().as_deref(), membrane, &offsets, &lost)? {
+                match made(pattern, any.parts().as_deref(), membrane, &offsets, &lost)? {
                     Made::Pattern(pattern) => pattern,
                     Made::ShortCircuit => return Ok(Err(Failure::ShortCircuit)),
+                    Made::SharedCell => return Ok(Err(Failure::SharedCell)),
                 }
             }
+            _ => pattern.clone(),
         };
-        match device::scene(&self.scene, &self.tolerances, deviations) {
-            Some(scene) => self.simulate(&scene, &pattern),
-            None => Ok(Err(Failure::Unstable)),
-        }
+        in_all(
+            self.states
+                .iter()
+                .map(|state| match device::scene(state, &self.tolerances, deviations) {
+                    Some(scene) => self.simulate(&scene, &pattern),
+                    None => Ok(Err(Failure::Unstable)),
+                }),
+        )
     }
 
     fn simulate(&self, scene: &Scene, pattern: &Pattern) -> Result<Result<Field, Failure>, ToleranceError> {
@@ -189,4 +210,56 @@ impl Study {
         };
         Ok(solver.simulation(pattern, &solution).stroke().ok_or(failure))
     }
+}
+
+/// Returns the fields of all states, up to the first in which a device fails.
+fn in_all(
+    states: impl Iterator<Item = Result<Result<Field, Failure>, ToleranceError>>,
+) -> Result<Result<Vec<Field>, Failure>, ToleranceError> {
+    let mut fields = Vec::new();
+    for found in states {
+        match found? {
+            Ok(field) => fields.push(field),
+            Err(failure) => return Ok(Err(failure)),
+        }
+    }
+    Ok(Ok(fields))
+}
+
+/// Refuses tolerances that are not simulated in a scene.
+///
+/// # Errors
+/// If nothing varies, or a tolerance is not simulated in the scene.
+pub fn check_tolerances(scene: &Scene, tolerances: &Tolerances) -> Result<(), ToleranceError> {
+    if Source::varying(tolerances).is_empty() && lost_cells(tolerances) == 0.0 {
+        return Err(ToleranceError::None);
+    }
+    device::check(scene, tolerances)?;
+    match of_electrodes(tolerances).filter(|_| cuts_cells(tolerances)) {
+        None => Ok(()),
+        Some(tolerance) => check_covered_cells(scene).map_err(|error| match error {
+            SetupError::Coverage { with } => ToleranceError::Setting { tolerance, with },
+            other => other.into(),
+        }),
+    }
+}
+
+fn lost_cells(tolerances: &Tolerances) -> f64 {
+    tolerances.lost_cells.as_ref().map_or(0.0, |share| share.to_f64())
+}
+
+/// Returns the first tolerance that changes the electrodes.
+fn of_electrodes(tolerances: &Tolerances) -> Option<&'static str> {
+    let is_lossy = lost_cells(tolerances) > 0.0;
+    match cuts_cells(tolerances) {
+        true if Source::Mask.varies(tolerances) => Some("mask"),
+        true => Some("misregistration"),
+        false => is_lossy.then_some("lost_cells"),
+    }
+}
+
+/// Returns whether electrodes cover parts of cells.
+fn cuts_cells(tolerances: &Tolerances) -> bool {
+    let sources = [Source::Mask, Source::MisregistrationX, Source::MisregistrationY];
+    sources.into_iter().any(|source| source.varies(tolerances))
 }

@@ -32,9 +32,10 @@ const JUDGED: [&str; 8] = [
 ];
 
 /// Stages that read files of a person.
-const OWN: [&str; 6] = [
+const OWN: [&str; 7] = [
     "stages.own={ kind: patterns, files: [own.csv] }",
     "stages.beside={ kind: verify, needs: [climbed, own], elements_per_cell: 1 }",
+    "stages.made={ kind: yield, needs: [climbed], samples: 8, wanted: 1 mm, tolerances: { thickness: 3 %, mask: 0.3 mm }, seed: 1 }",
     "stages.labels={ kind: import, files: [labels.csv] }",
     "stages.pulled={ kind: measure, files: [{ file: pulled.csv, test: uniaxial, sigma: 3 % }] }",
     "stages.fitted={ kind: fit, needs: [pulled], laws: [neo-hookean] }",
@@ -161,6 +162,7 @@ fn an_output_changes_only_with_its_recipe() {
         "climbed",
         "own",
         "beside",
+        "made",
         "labels",
         "pulled",
         "fitted",

@@ -155,3 +155,111 @@ fn tolerances_rebuild_nothing() {
         assert_ne!(stage["outcome"], "stale", "{stage}");
     }
 }
+
+const PIPELINE: &str = "version: 1
+name: made
+scene: scene.yaml
+stages:
+  own: { kind: patterns, files: [half.csv] }
+  made: { kind: yield, needs: [own], point: [25 mm, 25 mm], direction: 0 deg, samples: 600, wanted: 2 mm, seed: 1 }
+";
+
+fn run(workspace: &Workspace, more: &[&str]) -> Value {
+    let ended = workspace.run(&[&["run", "made.yaml", "--json"], more].concat());
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    ended.json()
+}
+
+/// The stage `made` of a run.
+fn made(run: &Value) -> &Value {
+    let stages = run["stages"].as_array().unwrap();
+    stages.iter().find(|stage| stage["name"] == "made").unwrap()
+}
+
+#[test]
+fn a_stage_has_the_numbers_of_the_command_and_simulates_only_new_devices() {
+    let workspace = workspace();
+    workspace.write("made.yaml", PIPELINE);
+    let first = run(&workspace, &["-j", "1"]);
+    let found = &first["yields"][0]["designs"][0];
+    let command = yields(
+        &workspace,
+        &["--json", "--wanted", "2 mm", "--samples", "600", "--seed", "1"],
+    )
+    .json();
+    let command = &command["patterns"][0];
+    for key in ["as_drawn_mm", "mean_mm", "standard_deviation_mm", "yield", "failures"] {
+        assert_eq!(found[key], command[key], "{key}");
+    }
+    let again = Workspace::new();
+    for file in ["scene.yaml", "half.csv", "made.yaml"] {
+        again.write(file, &std::fs::read_to_string(workspace.path(file)).unwrap());
+    }
+    assert_eq!(made(&run(&again, &["-j", "2"]))["digest"], made(&first)["digest"]);
+    // Another wanted displacement simulates nothing, more samples only the new ones: 500 devices are one piece.
+    let pieces = |run: &Value| made(run)["chunks_built"].as_u64().unwrap();
+    assert_eq!(pieces(&first), 2, "{}", made(&first));
+    let lower = run(&workspace, &["--set", "stages.made.wanted=1.9 mm"]);
+    assert_eq!(pieces(&lower), 0, "{}", made(&lower));
+    assert!(number(&lower["yields"][0]["designs"][0]["yield"]["value"]) > number(&found["yield"]["value"]));
+    let more = run(&workspace, &["--set", "stages.made.samples=1200"]);
+    assert_eq!(pieces(&more), 2, "the second half and a third piece: {}", made(&more));
+    // The tolerances of the stage replace those of the scene.
+    let masks = run(&workspace, &["--set", "stages.made.tolerances={ mask: 0.3 mm }"]);
+    assert_eq!(pieces(&masks), 2);
+    let shares = masks["yields"][0]["designs"][0]["shares"].as_object().unwrap();
+    assert_eq!(shares.keys().collect::<Vec<_>>(), ["mask"]);
+    let report = workspace.run(&["report", "made.yaml", "-o", "out"]);
+    assert_eq!(report.code, Some(0), "{}", report.stderr);
+    let page = std::fs::read_to_string(workspace.path("out/index.html")).unwrap();
+    assert!(page.contains("Devices as they are made") && page.contains("Which tolerance decides"));
+}
+
+#[test]
+fn designs_are_made_and_what_a_stage_cannot_simulate_is_refused() {
+    let workspace = Workspace::new();
+    workspace.write(
+        "scene.yaml",
+        &format!("{}{TOLERANCES}", SCENE.replace("cells: 10", "cells: 20")),
+    );
+    workspace.write(
+        "made.yaml",
+        "version: 1
+name: made
+scene: scene.yaml
+stages:
+  best: { kind: design, method: adjoint, units: 20, starts: 1, seed: 1, objective: { point: [25 mm, 25 mm], direction: 0 deg } }
+  made: { kind: yield, needs: [best], samples: 40, wanted: 2 mm, seed: 1 }
+  checked: { kind: verify, needs: [best], elements_per_cell: 1 }
+",
+    );
+    let found = run(&workspace, &[]);
+    let designs = found["yields"][0]["designs"].as_array().unwrap();
+    let titles: Vec<&str> = designs.iter().filter_map(|one| one["title"].as_str()).collect();
+    assert_eq!(titles[0], "design: gradient search");
+    assert!(titles.iter().any(|title| title.contains("intuitive")), "{titles:?}");
+    let verified = found["results"][0]["rows"].as_array().unwrap();
+    assert_eq!(designs.len(), verified.len());
+    for (made, verified) in designs.iter().zip(verified) {
+        let [made, verified] = [&made["as_drawn_mm"], &verified["simulated_mm"]].map(number);
+        assert!((made - verified).abs() < 1e-9, "{made} {verified}");
+    }
+    let refused = |set: &str, why: &str| {
+        let ended = workspace.run(&["plan", "made.yaml", "--set", set]);
+        assert_eq!(ended.code, Some(2), "{set}: {}", ended.stdout);
+        assert!(ended.stderr.contains(why), "{set}: {}", ended.stderr);
+    };
+    refused("stages.made.needs=[own]", "own");
+    refused("scene.tolerances={ voltage: 0 % }", "no device differs from another");
+    refused(
+        "scene.effects={ fringe_field: {} }",
+        "`mask` of `tolerances` is not simulated with",
+    );
+    refused(
+        "stages.made.objective={ point: [60 mm, 25 mm], direction: 0 deg }",
+        "60",
+    );
+    refused("stages.made.samples=1", "65536");
+    workspace.write("half.csv", "1,0\n");
+    refused("stages.own={ kind: patterns, files: [half.csv] }", "half.csv");
+}

@@ -323,13 +323,10 @@ impl SolverParameters {
         self.mesh
     }
 
-    /// Returns the relative work for a pattern, by the number of unknowns. Biquadratic elements have four times as many
-    /// and couple each to more.
+    /// Returns the relative work for a pattern; that of the coarsest mesh if the mesh depends on the pattern.
     #[must_use]
     pub fn weight(&self) -> f64 {
-        let mesh = self.mesh().unwrap_or(Mesh::bilinear(1));
-        let factor = if mesh.order() == Order::Biquadratic { 6.0 } else { 1.0 };
-        factor * (mesh.elements_per_cell() as f64).powi(2)
+        self.mesh().unwrap_or(Mesh::bilinear(1)).weight()
     }
 
     /// Returns the mesh; `None` if it depends on the pattern.

@@ -17,11 +17,13 @@ mod response;
 mod rounds;
 mod training;
 mod verification;
+mod yields;
 
 pub(crate) use accuracy::accuracy_charts;
 pub(crate) use curves::curves_chart;
 pub(crate) use deformation::deformation_charts;
 pub(crate) use rounds::rounds_charts;
+pub(crate) use yields::yields_charts;
 
 pub use super::drawing::{Background, DeformedMembrane, FigureError};
 pub use accuracy::{Cost, FamilyCosts, accuracy_sheet, pareto_front};
@@ -40,6 +42,7 @@ pub use response::{Response, responses_sheet};
 pub use rounds::{Round, rounds_sheet};
 pub use training::Training;
 pub use verification::{VerifiedPattern, agreement_sheet, gallery_sheet};
+pub use yields::{DesignYields, yields_sheet};
 
 #[cfg(test)]
 mod tests;

@@ -12,6 +12,7 @@ pub mod solve;
 pub mod table;
 pub mod train;
 pub mod verify;
+pub mod yields;
 
 use super::html::Page;
 use super::presenter::Presenter;
@@ -22,6 +23,7 @@ pub const PRESENTERS: &[&dyn Presenter] = &[
     &evaluate::EvaluatePresenter,
     &design::DesignPresenter,
     &verify::VerifyPresenter,
+    &yields::YieldPresenter,
     &train::TrainPresenter,
     &compare::ComparePresenter,
     &fit::FitPresenter,
@@ -36,7 +38,7 @@ pub const PRESENTERS: &[&dyn Presenter] = &[
 
 /// The order of the sections of a page; other kinds come last.
 const PAGE_ORDER: &[&str] = &[
-    "table", "verify", "design", "compare", "fit", "measure", "audit", "balance", "solve", "import", "train",
+    "table", "verify", "yield", "design", "compare", "fit", "measure", "audit", "balance", "solve", "import", "train",
     "evaluate",
 ];
 
@@ -68,6 +70,6 @@ mod tests {
         assert_eq!(kinds.len(), PRESENTERS.len());
         assert!(PAGE_ORDER.iter().all(|kind| kinds.contains(kind)));
         assert_eq!(by_section()[0].kind(), "table");
-        assert_eq!(by_section()[12].kind(), "accuracy");
+        assert_eq!(by_section()[13].kind(), "accuracy");
     }
 }

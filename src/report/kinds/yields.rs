@@ -1,0 +1,364 @@
+//! Yield stages: devices of designs as they are made.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::artifacts::{ArtifactReader, RunArtifacts};
+use crate::drawing::Sheet;
+use crate::error::ReportError;
+use crate::figures::{DesignYields, yields_charts, yields_sheet};
+use crate::format::{mm, percents};
+use crate::html::{Column, Page};
+use crate::presenter::{Figures, Headline, Presenter, Results};
+use crate::summary::design_title;
+use deaflow_base::{four_digits, measured};
+use deaflow_content::{DesignDevices, Yields};
+use deaflow_pattern::Role;
+use deaflow_tolerance::{Device, Estimate, Source, Yield};
+
+/// Presents yield stages.
+pub struct YieldPresenter;
+
+/// Designs in a figure.
+const MOST_DRAWN: usize = 6;
+/// Shares of the variance below this are not listed.
+const LISTED: f64 = 0.005;
+
+/// What a yield stage found.
+#[derive(Debug, Serialize)]
+struct Found {
+    /// The stage.
+    stage: String,
+    /// The displacement that devices have to reach in mm.
+    wanted_mm: Option<f64>,
+    /// Each design.
+    designs: Vec<OfDesign>,
+}
+
+#[derive(Debug, Serialize)]
+struct OfDesign {
+    /// Case, target, number and role.
+    title: String,
+    /// Displacement of the pattern as drawn in mm.
+    as_drawn_mm: Option<f64>,
+    /// Number of devices.
+    samples: usize,
+    mean_mm: Option<Known>,
+    standard_deviation_mm: Option<Known>,
+    quantiles_mm: Vec<Share>,
+    /// The share of the devices that reach the wanted displacement.
+    #[serde(rename = "yield")]
+    reached: Option<Known>,
+    /// Number of devices that fail, by reason.
+    failures: BTreeMap<&'static str, usize>,
+    /// Shares of the variance by tolerance.
+    shares: BTreeMap<&'static str, f64>,
+    /// The same in words, the largest first.
+    #[serde(skip)]
+    ordered: Vec<(&'static str, f64)>,
+    /// Why devices fail, in words.
+    #[serde(skip)]
+    described: Vec<String>,
+    /// Whether a search found the design.
+    #[serde(skip)]
+    is_found: bool,
+    /// Whether it is not drawn for comparison alone.
+    #[serde(skip)]
+    is_made: bool,
+    /// Displacements of devices that do not fail.
+    #[serde(skip)]
+    displacements: Vec<f64>,
+}
+
+/// A number with its interval of 95 %.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Known {
+    value: f64,
+    interval: [f64; 2],
+}
+
+/// A displacement that a share of the devices does not reach; `None` if these fail.
+#[derive(Debug, Serialize)]
+struct Share {
+    probability: f64,
+    value: Option<f64>,
+}
+
+impl From<Estimate> for Known {
+    fn from(estimate: Estimate) -> Self {
+        Self {
+            value: estimate.value,
+            interval: estimate.interval,
+        }
+    }
+}
+
+fn read(source: &ArtifactReader<'_>) -> Result<Found, ReportError> {
+    let view = source.of(Yields::open(source.artifact))?;
+    let varying = Source::varying(&source.of(view.tolerances().read())?);
+    let wanted = source.of(view.wanted().read())?;
+    let wanted_mm = wanted.map(|text| text.parse::<f64>().map_err(|error| source.wrong(error.to_string())));
+    let wanted_mm = wanted_mm.transpose()?;
+    let of_one = |design: DesignDevices| {
+        let devices = Device::of_rows(&design.outcome, &design.displacement, &design.deviations);
+        let devices = devices.ok_or_else(|| source.wrong("its devices have unknown outcomes"))?;
+        Ok(OfDesign::new(
+            &design,
+            &devices,
+            &Yield::of(&devices, &varying, wanted_mm),
+        ))
+    };
+    let designs = source.of(view.designs())?.into_iter().map(of_one);
+    Ok(Found {
+        stage: source.stage.stage.clone(),
+        wanted_mm,
+        designs: designs.collect::<Result<_, ReportError>>()?,
+    })
+}
+
+impl OfDesign {
+    fn new(design: &DesignDevices, devices: &[Device], result: &Yield) -> Self {
+        let quantile = |quantile: &deaflow_tolerance::Quantile| Share {
+            probability: quantile.probability,
+            value: Some(quantile.value.value).filter(|value| value.is_finite()),
+        };
+        let mut ordered: Vec<(&'static str, f64)> = result
+            .shares
+            .iter()
+            .map(|(source, share)| (source.label(), *share))
+            .collect();
+        ordered.sort_by(|one, other| other.1.total_cmp(&one.1));
+        Self {
+            title: design_title(&design.case, &design.name, design.member, design.role),
+            as_drawn_mm: design.drawn,
+            samples: result.samples,
+            mean_mm: result.mean.map(Known::from),
+            standard_deviation_mm: result.deviation.map(Known::from),
+            quantiles_mm: result.quantiles.iter().map(quantile).collect(),
+            reached: result.reached.map(Known::from),
+            failures: result
+                .failures
+                .iter()
+                .map(|(failure, count)| (failure.name(), *count))
+                .collect(),
+            described: describe(result),
+            shares: result
+                .shares
+                .iter()
+                .map(|(source, share)| (source.name(), *share))
+                .collect(),
+            ordered,
+            is_found: design.role.is_found(),
+            is_made: design.role.is_found() || design.role == Role::Own,
+            displacements: devices.iter().filter_map(|device| device.value.ok()).collect(),
+        }
+    }
+
+    /// Describes which share reaches the displacement, or what the devices do without one.
+    fn main(&self, wanted_mm: Option<f64>) -> String {
+        match (&self.reached, wanted_mm) {
+            (Some(reached), Some(wanted)) => {
+                let [low, high] = reached.interval.map(percents);
+                let share = percents(reached.value);
+                format!("{share} ({low} to {high}) of the devices reach {wanted} mm")
+            }
+            _ => format!("{} of the devices", self.spread()),
+        }
+    }
+
+    fn spread(&self) -> String {
+        let known = |known: &Option<Known>| known.map_or_else(|| "none".to_owned(), with_interval);
+        format!(
+            "mean {}, deviation {} mm",
+            known(&self.mean_mm),
+            known(&self.standard_deviation_mm)
+        )
+    }
+
+    /// The tolerances that make most of the variance.
+    fn decisive(&self) -> Option<String> {
+        let listed = self.ordered.iter().filter(|(_, share)| *share >= LISTED);
+        let words: Vec<String> = listed
+            .map(|(name, share)| format!("{name} {}", percents(*share)))
+            .collect();
+        (!words.is_empty()).then(|| words.join(", "))
+    }
+
+    fn line(&self, wanted_mm: Option<f64>) -> String {
+        let mut parts = vec![self.main(wanted_mm)];
+        if wanted_mm.is_some() {
+            parts.push(self.spread());
+        }
+        parts.extend(self.as_drawn_mm.map(|drawn| format!("as drawn {} mm", mm(drawn))));
+        parts.extend(
+            self.decisive()
+                .map(|shares| format!("the variance is that of {shares}")),
+        );
+        parts.extend(self.described.iter().cloned());
+        format!("{}: {}", self.title, parts.join("; "))
+    }
+}
+
+/// Describes why devices fail.
+fn describe(result: &Yield) -> Vec<String> {
+    let some = result.failures.iter().filter(|(_, count)| *count > 0);
+    some.map(|(failure, count)| format!("{count} of {} devices {}", result.samples, failure.description()))
+        .collect()
+}
+
+/// Writes a number with half of its interval.
+fn with_interval(known: Known) -> String {
+    let half = 0.5 * (known.interval[1] - known.interval[0]);
+    match half.is_finite() {
+        true => measured(known.value, half),
+        false => four_digits(known.value),
+    }
+}
+
+impl Found {
+    fn lines(&self) -> Vec<String> {
+        self.designs.iter().map(|design| design.line(self.wanted_mm)).collect()
+    }
+
+    /// Returns the design of which most devices reach the displacement, of those that a search found if there are any.
+    fn best(&self) -> Option<&OfDesign> {
+        let has_found = self.designs.iter().any(|design| design.is_found);
+        let rank = |design: &OfDesign| {
+            let known = design.reached.or(design.mean_mm);
+            known.map_or(f64::NEG_INFINITY, |known| known.value)
+        };
+        let all = self.designs.iter().filter(|design| design.is_found || !has_found);
+        all.max_by(|one, other| rank(one).total_cmp(&rank(other)))
+    }
+
+    /// Returns the designs for a figure: those that are to be made, and others while there is room.
+    fn drawn(&self) -> Vec<DesignYields> {
+        let is_made = |design: &&OfDesign| design.is_made;
+        let others = self.designs.iter().filter(|design| !design.is_made);
+        let all = self.designs.iter().filter(is_made).chain(others);
+        let made = self.designs.iter().filter(is_made).count();
+        let all = all.take(made.clamp(2, MOST_DRAWN));
+        let all = all.filter(|design| !design.displacements.is_empty());
+        let drawn = all.map(|design| DesignYields {
+            name: design.title.clone(),
+            devices: design.samples,
+            displacements: design.displacements.clone(),
+            shares: design.ordered.clone(),
+        });
+        drawn.collect()
+    }
+}
+
+const COLUMNS: [(&str, Column); 9] = [
+    ("design", Column::Text),
+    ("as drawn, mm", Column::Number),
+    ("mean, mm", Column::Number),
+    ("deviation, mm", Column::Number),
+    ("5 %, mm", Column::Number),
+    ("median, mm", Column::Number),
+    ("95 %, mm", Column::Number),
+    ("reach it", Column::Number),
+    ("fail", Column::Number),
+];
+
+fn row(design: &OfDesign) -> Vec<String> {
+    let none = || "–".to_owned();
+    let known = |known: &Option<Known>| known.map_or_else(none, with_interval);
+    let first = [
+        design.title.clone(),
+        design.as_drawn_mm.map_or_else(none, mm),
+        known(&design.mean_mm),
+        known(&design.standard_deviation_mm),
+    ];
+    let quantiles = design.quantiles_mm.iter();
+    let quantiles = quantiles.map(|quantile| quantile.value.map_or_else(|| "fails".to_owned(), mm));
+    let reached = design.reached.map_or_else(none, |reached| {
+        let [low, high] = reached.interval.map(percents);
+        format!("{} ({low} to {high})", percents(reached.value))
+    });
+    let failed = percents(design.failures.values().sum::<usize>() as f64 / design.samples as f64);
+    first.into_iter().chain(quantiles).chain([reached, failed]).collect()
+}
+
+impl Presenter for YieldPresenter {
+    fn kind(&self) -> &'static str {
+        "yield"
+    }
+
+    fn results(&self, run: &RunArtifacts<'_>) -> Result<Vec<Results>, ReportError> {
+        let found = run.each(self.kind(), read)?;
+        let text = found
+            .iter()
+            .map(|found| format!("{}: {}", found.stage, found.lines().join("\n  ")));
+        Ok(vec![Results::new("yields", &found, text)])
+    }
+
+    fn headlines(&self, run: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
+        let found = run.each(self.kind(), read)?;
+        let line = |found: &Found| {
+            let best = found.best()?;
+            let decisive = best.ordered.first().filter(|(_, share)| *share >= LISTED);
+            let decisive = decisive.map_or_else(String::new, |(name, share)| {
+                format!("; {name} makes {} of the variance", percents(*share))
+            });
+            let text = format!(
+                "{}: {}: {}{decisive}",
+                found.stage,
+                best.title,
+                best.main(found.wanted_mm)
+            );
+            Some(match best.as_drawn_mm {
+                Some(_) => Headline::good(text),
+                None => Headline::bad(format!("{text}; it has no stable state as drawn")),
+            })
+        };
+        Ok(found.iter().filter_map(line).collect())
+    }
+
+    fn figures(&self) -> Figures {
+        &[("yields", figure)]
+    }
+
+    fn section(&self, page: &mut Page, run: &RunArtifacts<'_>) -> Result<(), ReportError> {
+        let found = run.each(self.kind(), |source| {
+            let found = read(source)?;
+            let drawn = found.drawn();
+            let charts = match drawn.is_empty() {
+                true => Vec::new(),
+                false => source.drawn(yields_charts(&drawn, found.wanted_mm))?,
+            };
+            Ok((found, charts))
+        })?;
+        for (found, charts) in &found {
+            page.open(
+                "Devices as they are made",
+                "Each device is one simulation with its own voltage, material, thickness, prestretch and electrodes. \
+                 Devices that fail do not reach the displacement, and have no part in mean and deviation.",
+            );
+            page.part(&found.stage);
+            let wanted = found.wanted_mm.map(|wanted| format!("Wanted: {wanted} mm. "));
+            let devices = found.designs.first().map_or(0, |design| design.samples);
+            page.line(&format!(
+                "{}{devices} devices of each design.",
+                wanted.unwrap_or_default()
+            ));
+            let rows: Vec<Vec<String>> = found.designs.iter().map(row).collect();
+            page.columns("Yields", &COLUMNS, &rows);
+            page.charts(charts);
+            for design in &found.designs {
+                let failures = design.described.iter();
+                let failures: Vec<String> = failures.map(|what| format!("{}: {what}", design.title)).collect();
+                page.lines(&failures);
+            }
+        }
+        Ok(())
+    }
+}
+
+fn figure(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportError> {
+    let found = read(source)?;
+    let drawn = found.drawn();
+    let sheet = (!drawn.is_empty()).then(|| yields_sheet(&drawn, found.wanted_mm));
+    sheet.map(|sheet| source.drawn(sheet)).transpose()
+}
