@@ -59,7 +59,7 @@ pub use parameters::{
 };
 pub use plain_name::is_plain_name;
 pub use printable::{is_unprintable, printable, printable_json};
-pub use program::{VERSION, build, set_build, software, version};
+pub use program::{VERSION, build, own_command, own_process, set_build, set_own_command, software, version};
 pub use progress::{Progress, Stopped};
 pub use quantity::{Decimal, Dimension, Quantity, QuantityError};
 pub use schema::{Fields, Schema};

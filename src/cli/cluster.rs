@@ -4,7 +4,7 @@ use std::fs;
 use std::io;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf, absolute};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -19,7 +19,7 @@ use super::pipeline::read_lock;
 use super::progress::{Bar, ProgressMode};
 use super::upstream::StoreAccess;
 use super::{CliError, Exit, Output, signals, table};
-use deaflow_base::{Document, Progress, printable_json};
+use deaflow_base::{Document, Progress, own_command, own_process, printable_json};
 use deaflow_executor::{
     CommandEngine, Ending, Engine, EngineKind, Failed, LEDGER, Ledger, Profile, SlurmEngine, Submission,
     SubmissionStatus, SubmitOptions, supervise, topic,
@@ -268,9 +268,10 @@ impl ClusterBuild<'_> {
     /// The command line of a worker, without its stages and its array. Paths are absolute: workers start in other
     /// folders.
     fn worker(&self, profile: &Profile) -> Result<Vec<String>, CliError> {
-        let own =
-            std::env::current_exe().map_err(|error| CliError::failure(format!("cannot find this program: {error}")))?;
-        let mut words = vec![text(&own)?, "worker".to_owned()];
+        let own = own_command().map_err(|error| CliError::failure(format!("cannot find this program: {error}")))?;
+        let own = own.iter().map(|word| text(word.as_ref()));
+        let mut words = own.collect::<Result<Vec<String>, CliError>>()?;
+        words.push("worker".to_owned());
         words.extend(self.arguments()?);
         words.extend(["--cpu".to_owned(), profile.cpu.name().to_owned()]);
         Ok(words)
@@ -307,8 +308,7 @@ impl ClusterBuild<'_> {
             .append(true)
             .open(&log)
             .map_err(refused)?;
-        let own = std::env::current_exe().map_err(refused)?;
-        let mut command = Command::new(own);
+        let mut command = own_process().map_err(refused)?;
         command
             .arg("attach")
             .args(self.arguments()?)

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use deaflow_base::{CpuLevel, Digest, build, read_own, write_output};
+use deaflow_base::{CpuLevel, Digest, build, is_interrupted, read_own, write_output};
 use deaflow_fem::SetupError;
 use deaflow_fem::screening::{remember, resolve};
 use deaflow_scene::{Effects, Scene};
@@ -43,7 +43,8 @@ fn decide_in(folder: Option<&Path>, scene: &Scene) -> Result<(), SetupError> {
         return Ok(());
     }
     let decided = resolve(&scene)?;
-    if let Some(file) = file {
+    // An interrupted decision is none.
+    if let Some(file) = file.filter(|_| !is_interrupted()) {
         write(&file, &decided.effects);
     }
     Ok(())

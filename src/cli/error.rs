@@ -139,6 +139,12 @@ impl CliError {
         self.closed_pipe
     }
 
+    /// Formats the error as a command prints it to a file.
+    #[must_use]
+    pub fn to_text(&self) -> String {
+        self.render(Screen::default()).trim_end().to_owned()
+    }
+
     /// Formats the error for a terminal; quotes the file if there is a position.
     pub fn render(&self, screen: Screen) -> String {
         let width = screen.width.unwrap_or(DEFAULT_WIDTH);

@@ -78,13 +78,31 @@ mod yields;
 use std::ffi::OsString;
 
 use commands::{Cli, JOBS};
-use error::CliError;
 use output::Output;
 
 use deaflow_base as base;
 use deaflow_hdf as hdf;
 
+pub use decisions::decide;
+pub use error::CliError;
 pub use output::Exit;
+pub use solve::{Equilibria, SolveRequest, Solved};
+
+/// Prepares what commands do at their start for a program that calls parts of them, as Python does. `words` start the
+/// command line in a process of its own; `sources` is the digest of the sources of this build.
+pub fn prepare(words: Vec<OsString>, sources: &str) {
+    base::set_build(sources);
+    base::set_own_command(words);
+    hdf::set_reader(reader::command);
+}
+
+/// Returns the number of threads that the environment asks for; 0 for one per core.
+///
+/// # Errors
+/// When it is not a number, or out of range.
+pub fn threads() -> Result<usize, CliError> {
+    Ok(usize::from(jobs(None)?.unwrap_or(0)))
+}
 
 /// Runs a command line and returns how it ended. `sources` is the digest of the sources of this build.
 pub fn main(arguments: impl IntoIterator<Item = OsString>, sources: &str) -> Exit {
@@ -116,7 +134,7 @@ fn jobs(given: Option<u16>) -> Result<Option<u16>, CliError> {
 }
 
 /// The size of the stack of a thread in bytes: the default of the standard library.
-const STACK: usize = 2 << 20;
+pub const STACK: usize = 2 << 20;
 
 /// Starts the thread pool. A pool that starts lazily panics if the system refuses more threads.
 fn start_threads(jobs: Option<u16>) -> Result<(), CliError> {

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use super::Exit;
+use deaflow_base::{own_command, own_process};
 use deaflow_hdf as hdf;
 
 /// The path of the running program, which is valid even after its file was replaced.
@@ -12,11 +13,12 @@ const SELF: &str = "/proc/self/exe";
 
 /// Returns the command that starts this process.
 pub fn command() -> Command {
-    let own = match Path::new(SELF).exists() {
-        true => SELF.into(),
-        false => std::env::current_exe().unwrap_or_else(|_| "deaflow".into()),
+    let is_whole = own_command().is_ok_and(|words| words.len() == 1);
+    let own = match is_whole && Path::new(SELF).exists() {
+        true => Ok(Command::new(SELF)),
+        false => own_process(),
     };
-    let mut command = Command::new(own);
+    let mut command = own.unwrap_or_else(|_| Command::new("deaflow"));
     command.arg(hdf::COMMAND);
     command
 }

@@ -2,6 +2,7 @@
 //! child module.
 
 mod cells;
+mod equilibria;
 mod equilibrium;
 mod history;
 mod inflation;
@@ -27,6 +28,7 @@ use deaflow_field::{Mesh, Order};
 use deaflow_pattern::{Edges, has_patterns};
 use deaflow_stage::direct::{self, ReadScene};
 
+pub use equilibria::{Equilibria, SolveRequest, Solved};
 use history::HistoryArguments;
 use modes::ModesArguments;
 use response::ResponseArguments;

@@ -5,6 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 
+use deaflow_base::is_interrupted;
 use deaflow_field::{Charged, Field, Mesh, Observation, Outcome, Simulation, Simulator};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
@@ -86,6 +87,22 @@ pub struct MeshSolution {
     pub residual: f64,
     /// Voltages and charges, if the drive is a charge.
     pub charged: Option<Charged>,
+}
+
+impl MeshSolution {
+    /// Returns what is known of a pattern before its first iteration.
+    fn interrupted(displacement: Vec<f64>) -> Self {
+        Self {
+            outcome: Outcome::WorkLimit,
+            last_stable: 0.0,
+            displacement,
+            newton_iterations: 0,
+            krylov_iterations: 0,
+            work: 0,
+            residual: 1.0,
+            charged: None,
+        }
+    }
 }
 
 /// Simulates patterns under one scene on one mesh.
@@ -216,7 +233,7 @@ impl MembraneSolver {
     /// Returns the displacement of a solution of this pattern at the cell corners, in mm: from rest if not all sides are
     /// held, from the mount otherwise.
     #[must_use]
-    pub(super) fn stroke(&self, pattern: &Pattern, solution: &MeshSolution) -> Field {
+    pub fn stroke(&self, pattern: &Pattern, solution: &MeshSolution) -> Field {
         self.stroke_of(pattern, &solution.displacement)
     }
 
@@ -338,6 +355,11 @@ impl MembraneSolver {
 
     /// Like [`Self::solve_in`], with another relative residual.
     fn solve_to(&self, tolerance: f64, pattern: &Pattern, scratch: &mut Scratch) -> (MeshSolution, bool) {
+        // Of many patterns, those that are left would each take the time of a first iteration.
+        if is_interrupted() {
+            let displacement = std::mem::take(&mut scratch.displacement);
+            return (MeshSolution::interrupted(displacement), false);
+        }
         let before = scratch.workspace.krylov_iterations();
         let ChargedLoading { loading, charged } = self.model.with(Load {
             solver: self,

@@ -286,6 +286,17 @@ impl Pattern {
         }
     }
 
+    /// Like [`Pattern::of_coverage`], but keeps the shares if no cell is covered in part, so that a gradient is that with
+    /// respect to them.
+    #[must_use]
+    pub fn of_shares(coverage: Coverage) -> Self {
+        let coverage = Arc::new(coverage);
+        Self {
+            coverage: Some(Arc::clone(&coverage)),
+            ..Self::of_coverage(Arc::unwrap_or_clone(coverage))
+        }
+    }
+
     /// Returns the share of each cell that is covered, if electrodes cover parts of cells.
     #[must_use]
     pub fn coverage(&self) -> Option<&Arc<Coverage>> {

@@ -194,7 +194,11 @@ impl Solver {
         Ok((histories.iter().map(last_state).collect(), Some(histories)))
     }
 
-    fn check(&self, patterns: &[Pattern]) -> Result<(), SetupError> {
+    /// Checks that patterns can be simulated.
+    ///
+    /// # Errors
+    /// As [`Solver::simulate`].
+    pub fn check(&self, patterns: &[Pattern]) -> Result<(), SetupError> {
         let groups = self.form.groups;
         if patterns.iter().any(|pattern| pattern.coverage().is_some()) {
             check_covered_cells(&self.scene)?;

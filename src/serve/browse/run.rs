@@ -1,11 +1,11 @@
 //! Runs that are started from the page, if that is allowed.
 
 use std::collections::BTreeMap;
-use std::process::Command;
 
 use super::pipelines::{BuildRequest, find_pipeline, overrides, value_text};
 use crate::http::{ApiError, Method, Request, Response};
 use crate::state::ServerState;
+use deaflow_base::own_process;
 
 /// `POST` starts a run, `GET` returns its state, `DELETE` stops it.
 ///
@@ -29,7 +29,7 @@ fn start(state: &ServerState, run: &BuildRequest) -> Result<(), ApiError> {
     // Only checked here: the process parses the values again.
     overrides(&run.set)?;
     let failed = |error: std::io::Error| ApiError::new(503, format!("cannot start the run: {error}"));
-    let mut command = Command::new(std::env::current_exe().map_err(failed)?);
+    let mut command = own_process().map_err(failed)?;
     command.arg("run").arg(&path).arg("--store").arg(state.store_folder());
     command.args(["--progress", "json"]);
     let set = run.set.iter().map(|(path, value)| (path.clone(), value_text(value)));
