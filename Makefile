@@ -22,7 +22,7 @@ help:
 	@echo "make install   install the program, its manual pages and completions below $(PREFIX)"
 	@echo "make uninstall remove them"
 	@echo "make test      run the tests"
-	@echo "make test-all  also let other programs read what is written: installs some 900 MB"
+	@echo "make test-all  also let other programs read what is written: installs some 1.4 GB"
 	@echo "make check     formatting, lints, documentation, dependencies, layering"
 	@echo "make bench     time the solver"
 
@@ -31,7 +31,7 @@ demo: build
 
 build:
 	@.ci/install-missing build
-	cargo build --release --locked
+	cargo build --release --locked --bin deaflow
 	@$(MAKE) --no-print-directory schema
 
 # Editors complete and check the files in pipelines/ by these schemas; the program prints them, so they are not in the repository.

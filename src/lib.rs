@@ -9,6 +9,7 @@
 //! dependency. Every crate may import `base`.
 //!
 //! ```text
+//! python       → deaflow
 //! cli          → every domain crate, stage, content, executor, orchestrator, remote, store, report, serve, hdf
 //! serve        → every domain crate, stage, content, executor, orchestrator, store, report
 //! report       → content, orchestrator, store, tolerance, pattern, field, scene
@@ -40,6 +41,9 @@
 
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
+
+/// The digest of the sources.
+pub const BUILD: &str = env!("DEAFLOW_BUILD");
 
 pub use deaflow_base::{parameters, variants, words};
 pub use {

@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    deaflow::cli::main(std::env::args_os(), env!("DEAFLOW_BUILD")).into()
+    deaflow::cli::main(std::env::args_os(), deaflow::BUILD).into()
 }

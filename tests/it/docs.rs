@@ -238,8 +238,7 @@ impl Session {
             &Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines"),
             &workspace.path("pipelines"),
         );
-        let module = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/deaflow.py");
-        std::fs::copy(module, workspace.path("deaflow.py")).unwrap();
+        super::python::install(&workspace.path(""));
         let programs = workspace.path("bin");
         std::fs::create_dir(&programs).unwrap();
         std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_deaflow"), programs.join("deaflow")).unwrap();

@@ -66,10 +66,13 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// The crates of the workspace that a manifest names, for the crate or for its tests.
+/// The crates of the workspace that a manifest names, for the crate or for its tests; `deaflow` is that of all.
 fn dependencies(name: &str) -> BTreeSet<String> {
     let manifest = std::fs::read_to_string(source_root().join(name).join("Cargo.toml")).unwrap();
-    let names = manifest.lines().filter_map(|line| line.strip_prefix("deaflow-"));
+    let names = manifest.lines().filter_map(|line| match line.strip_prefix("deaflow-") {
+        None => line.starts_with("deaflow.").then_some("deaflow"),
+        own => own,
+    });
     names
         .map(|rest| rest.chars().take_while(|c| c.is_alphanumeric()).collect())
         .collect()

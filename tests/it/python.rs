@@ -1,16 +1,321 @@
-//! docs/deaflow.py reads what a run has made.
+//! The Python package: simulations, gradients, errors and runs, and what it reads of a store.
 
+use std::path::Path;
 use std::process::Output;
 
 use serde_json::Value;
 
-use super::common::{Transcript, Workspace, files, snapshot};
+use super::common::{Transcript, Workspace, csv, files, readers, snapshot};
+
+/// Puts the package into a folder, with the library that cargo has built beside the tests.
+pub fn install(folder: &Path) {
+    let package = folder.join("deaflow");
+    std::fs::create_dir(&package).unwrap();
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("python/deaflow");
+    for entry in std::fs::read_dir(sources).unwrap() {
+        let entry = entry.unwrap();
+        if entry.file_type().unwrap().is_file() {
+            std::fs::copy(entry.path(), package.join(entry.file_name())).unwrap();
+        }
+    }
+    let tests = std::env::current_exe().unwrap();
+    let library = tests.with_file_name("libdeaflow_python.so");
+    std::os::unix::fs::symlink(library, package.join("_deaflow.abi3.so")).unwrap();
+}
+
+fn run(workspace: &Workspace, arguments: &[&str]) -> Output {
+    run_by(workspace, &super::h5py::python(), arguments)
+}
+
+fn run_by(workspace: &Workspace, python: &str, arguments: &[&str]) -> Output {
+    let package = workspace.path("package");
+    if !package.exists() {
+        std::fs::create_dir(&package).unwrap();
+        install(&package);
+    }
+    let mut command = workspace.dressed(python);
+    command.arg("-B").args(arguments).env("PYTHONPATH", package);
+    command.output().unwrap()
+}
 
 fn python(workspace: &Workspace, script: &str) -> Output {
-    let module = concat!(env!("CARGO_MANIFEST_DIR"), "/docs");
-    let mut command = workspace.dressed(&super::h5py::python());
-    command.args(["-B", "-c", script]).env("PYTHONPATH", module);
-    command.output().unwrap()
+    run(workspace, &["-c", script])
+}
+
+/// Runs a file of `tests/it/python`; returns what it prints.
+fn script(workspace: &Workspace, name: &str, argument: &str) -> String {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/python").join(name);
+    let output = run(workspace, &[file.to_str().unwrap(), argument]);
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
+    assert!(output.status.success(), "{name} {argument}: {stdout}{stderr}");
+    stdout
+}
+
+const MATERIAL: &str = "material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }\n";
+
+/// With two scenes, and patterns for them.
+fn with_scenes() -> Workspace {
+    let workspace = Workspace::new();
+    let plain = "geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 20 }\ndrive: { voltage: 5.25 kV }\n";
+    workspace.write("plain.yaml", &format!("{plain}{MATERIAL}effects: {{}}\n"));
+    let device = "geometry:
+  size: [60 mm, 30 mm]
+  thickness: 1 mm
+  prestretch: 3
+  cells: [20, 10]
+  bodies: [{ rectangle: [[27 mm, 12 mm], [33 mm, 18 mm]] }]
+states:
+  push: { voltages: [5.25 kV, 0 V] }
+  pull: { voltages: [0 V, 5.25 kV] }
+";
+    workspace.write("device.yaml", &format!("{device}{MATERIAL}"));
+    script(&workspace, "solve.py", "write");
+    workspace
+}
+
+#[test]
+fn results_have_the_bits_of_the_files_of_the_command() {
+    let workspace = with_scenes();
+    grey(&workspace);
+    for line in [
+        "solve plain.yaml patterns.npy --no-checks -o plain.h5",
+        "solve plain.yaml patterns.npy --no-checks --accuracy 0.05mm -o accurate.h5",
+        "solve plain.yaml patterns.npy --no-checks --method linear -o linear.h5",
+        "solve plain.yaml patterns.npy --no-checks --set drive.voltage=6kV --set \
+         effects.electromechanical_stability={} --order 2 --elements-per-cell 1 --cells -o observed.h5",
+        "solve device.yaml groups.npy -o device.h5",
+        "solve device.yaml groups.npy --no-checks --state pull --tolerance 1e-10 -o pull.h5",
+        "solve plain.yaml grey.png --edges coverage --no-checks -o grey.h5",
+    ] {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let ended = workspace.run(&words);
+        assert!(matches!(ended.code, Some(0 | 3)), "{line}: {}", ended.stderr);
+    }
+    let compared = script(&workspace, "solve.py", "compare");
+    assert!(compared.trim().parse::<u32>().unwrap() > 60, "{compared} arrays");
+}
+
+/// Writes a picture whose greys cover cells in part, and the greys, `[y][x]` from below.
+fn grey(workspace: &Workspace) {
+    let greys: Vec<u8> = (0..20 * 20).map(|at| (at * 37 % 256) as u8).collect();
+    let file = std::fs::File::create(workspace.path("grey.png")).unwrap();
+    let mut encoder = png::Encoder::new(file, 20, 20);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.write_header().unwrap().write_image_data(&greys).unwrap();
+    let script = "import numpy as np; a = np.arange(400) * 37 % 256; np.save('grey.npy', a.reshape(20, 20)[::-1])";
+    assert!(python(workspace, script).status.success());
+}
+
+#[test]
+fn gradients_are_those_of_central_differences() {
+    script(&Workspace::new(), "gradient.py", "");
+}
+
+#[test]
+fn threads_and_processes_solve_at_the_same_time() {
+    let workspace = with_scenes();
+    script(&workspace, "processes.py", "threads_and_processes");
+    script(&workspace, "processes.py", "other_threads_run");
+}
+
+#[test]
+fn scenes_results_and_errors_are_pickled() {
+    script(&with_scenes(), "processes.py", "pickling");
+}
+
+#[test]
+fn an_interrupt_ends_a_simulation_within_a_second() {
+    script(&with_scenes(), "processes.py", "interrupt");
+}
+
+#[test]
+fn scenes_do_not_leak() {
+    script(&with_scenes(), "processes.py", "memory");
+}
+
+#[test]
+fn errors_have_the_text_of_the_command() {
+    let workspace = with_scenes();
+    workspace.write(
+        "wrong.yaml",
+        &format!("geometry: {{ side: 50 mm, thicknes: 1 mm }}\n{MATERIAL}"),
+    );
+    workspace.write("other.yaml", &format!("geometry: {{ side: 50 mm\n{MATERIAL}"));
+    for (command, call) in [
+        ("wrong.yaml", "Scene.read('wrong.yaml')"),
+        ("other.yaml", "Scene.read('other.yaml')"),
+        ("plain.yml", "Scene.read('plain.yml')"),
+        (
+            "plain.yaml --set drive.voltage=4mm",
+            "Scene.read('plain.yaml', {'drive.voltage': '4mm'})",
+        ),
+        (
+            "plain.yaml --set drive.volt=4",
+            "Scene.read('plain.yaml', {'drive.volt': 4})",
+        ),
+        ("device.yaml --state puls", "Scene.read('device.yaml').in_state('puls')"),
+        (
+            "plain.yaml --set geometry.sides={\"top\":\"free\"} --method linear",
+            "Scene.read('plain.yaml', {'geometry.sides': {'top': 'free'}}).solve(\
+             __import__('numpy').load('patterns.npy'), method='linear')",
+        ),
+    ] {
+        let line = format!("solve {command} patterns.npy --no-checks");
+        let ended = workspace.run(&line.split_whitespace().collect::<Vec<_>>());
+        assert_eq!(ended.code, Some(2), "{line}: {}", ended.stderr);
+        let script = format!("import deaflow\ntry: deaflow.{call}\nexcept deaflow.Error as error: print(error)");
+        assert_eq!(
+            printed(&workspace, &script).trim_end(),
+            ended.stderr.trim_end(),
+            "{line}"
+        );
+    }
+    let script = "import deaflow
+try: deaflow.Scene.read('wrong.yaml')
+except deaflow.Error as error:
+    print(error.code, error.file, error.line, error.column, '|', error.message, '|', error.help)";
+    snapshot!(printed(&workspace, script));
+}
+
+#[test]
+fn what_is_not_a_pattern_is_refused() {
+    let workspace = with_scenes();
+    let mut shown = Transcript::default();
+    let groups = "numpy.ones((10, 20), dtype=int)";
+    for call in [
+        "plain.solve(numpy.zeros((20, 21), dtype=int))",
+        "plain.solve(numpy.zeros((0, 20, 20), dtype=int))",
+        "plain.solve(numpy.zeros(400, dtype=int))",
+        "plain.solve(numpy.full((20, 20), 2))",
+        "plain.solve(numpy.full((20, 20), -1))",
+        "plain.solve(numpy.full((20, 20), 1.5))",
+        "plain.solve(numpy.full((20, 20), numpy.nan))",
+        "plain.solve([['a'] * 20] * 20)",
+        "plain.solve(one, order=3)",
+        "plain.solve(one, accuracy='0.1 V')",
+        "plain.solve(one, accuracy='0.1 mm', order=2)",
+        "plain.solve(one / 2, method='linear')",
+        "plain.value_and_gradient(one, {'point': ['25 mm', '25 mm']})",
+        "plain.value_and_gradient(one, {'point': ['25 mm', '60 mm'], 'direction': '0 deg'})",
+        "plain.value_and_gradient(one, {'point': ['25 mm', '5 mm'], 'direction': '0 deg', 'time': '1 s'})",
+        "deaflow.Scene({'geometry': {'side': '50 mm'}})",
+        "deaflow.Scene({'geometry': {'side': '50 mm', 'mask': 'mask.png'}})",
+    ] {
+        let script = format!(
+            "import deaflow, numpy
+plain, device = deaflow.Scene.read('plain.yaml'), deaflow.Scene.read('device.yaml')
+one, groups = numpy.ones((20, 20)), {groups}
+try: {call}
+except Exception as error: print(type(error).__name__, error, sep=': ')
+else: print('no error')"
+        );
+        let printed = printed(&workspace, &script);
+        assert!(printed != "no error\n", "{call}");
+        shown.add(call, printed);
+    }
+    snapshot!(shown);
+}
+
+#[test]
+fn runs_are_those_of_the_command() {
+    let workspace = Workspace::small();
+    let stages = workspace.stages(&["run", "small.yaml", "--store", "other"]);
+    let script = r#"
+import deaflow, json
+run = deaflow.run("small.yaml")
+print(json.dumps({name: run[name].digest for name in run}))
+again = deaflow.run("small.yaml", {"stages.small.seed": 7}, until="solved", jobs=1)
+assert list(again) == ["small", "large", "solved"], list(again)
+assert again["large"].digest == run["large"].digest and again["small"].digest != run["small"].digest
+assert run["solved"].displacement.shape[1:] == (51, 51, 2)
+try: deaflow.run("small.yaml", {"stages.small.sed": 7})
+except deaflow.Error as error: print(error.code, error)
+"#;
+    let printed = printed(&workspace, script);
+    let (digests, error) = printed.split_once('\n').unwrap();
+    let digests: std::collections::BTreeMap<String, String> = serde_json::from_str(digests).unwrap();
+    assert_eq!(digests, stages.digests());
+    let ended = workspace.run(&["run", "small.yaml", "--set", "stages.small.sed=7"]);
+    assert_eq!(error.trim_end(), format!("2 {}", ended.stderr.trim_end()));
+}
+
+#[test]
+fn the_command_of_the_package_reads_foreign_files_in_another_process() {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &super::common::scene_file());
+    workspace.write("one.csv", &csv(|x, y| x < 20 && y < 30));
+    let ended = workspace.run(&["solve", "scene.yaml", "one.csv", "--no-checks", "-o", "one.h5"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let command = [
+        "-m",
+        "deaflow",
+        "solve",
+        "scene.yaml",
+        "one.h5:/patterns",
+        "--no-checks",
+        "-o",
+        "again.h5",
+    ];
+    let output = run(&workspace, &command);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let script = "import h5py
+one, again = (h5py.File(name)['displacement'][:] for name in ('one.h5', 'again.h5'))
+print((one == again).all())";
+    assert_eq!(printed(&workspace, script), "True\n");
+    let version = run(&workspace, &["-m", "deaflow", "--version"]);
+    assert_eq!(
+        String::from_utf8_lossy(&version.stdout),
+        workspace.run(&["--version"]).stdout
+    );
+}
+
+/// PyTorch is tried where somebody has put it beside JAX.
+#[test]
+fn functions_of_other_frameworks_are_differentiable() {
+    let look = || readers::python("frameworks", "jax, mypy, numpy");
+    let Some(python) = readers::find("JAX and mypy, for the Python package", look) else {
+        return;
+    };
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let workspace = Workspace::new();
+    let script = root.join("tests/it/python/frameworks.py");
+    let output = run_by(&workspace, &python, &[script.to_str().unwrap()]);
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    assert!(text(&output.stdout).contains("jax"), "{}", text(&output.stderr));
+    let config = root.join("pyproject.toml");
+    let cache = workspace.path("cache");
+    let arguments = [
+        "-m",
+        "mypy",
+        "--config-file",
+        config.to_str().unwrap(),
+        "--cache-dir",
+        cache.to_str().unwrap(),
+    ];
+    let sources = root.join("python/deaflow");
+    let checked = run_by(
+        &workspace,
+        &python,
+        &[&arguments[..], &[sources.to_str().unwrap()]].concat(),
+    );
+    assert!(checked.status.success(), "{}", text(&checked.stdout));
+}
+
+#[test]
+fn the_import_brings_numpy_alone() {
+    let script = r#"
+import sys, time, numpy, numpy.typing
+start = time.perf_counter()
+import deaflow
+seconds = time.perf_counter() - start
+assert not {"h5py", "xarray", "pandas", "matplotlib"} & set(sys.modules)
+print(seconds)
+"#;
+    let seconds: f64 = printed(&Workspace::new(), script).trim().parse().unwrap();
+    // The machine may be busy with other tests; the library is several times larger than an optimised one.
+    assert!(seconds < 1.0, "{seconds} s");
 }
 
 fn printed(workspace: &Workspace, script: &str) -> String {

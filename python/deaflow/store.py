@@ -1,16 +1,7 @@
-"""Reads artifacts of a deaflow store: named numpy arrays with units, descriptions, axes and provenance.
+"""Reads the artifacts of a store with h5py: named numpy arrays with units, descriptions, axes and provenance.
 
-A single file to copy into a project. It needs Python 3.9 or later, h5py and numpy, and uses xarray and pandas if they are installed.
-
-    >>> import deaflow
-    >>> solved = deaflow.open("store", "quickstart:solved")
-    >>> solved["displacement"].shape[1:], solved.units["displacement"], solved.dims["displacement"]
-    ((51, 51, 2), 'mm', ('sample', 'corner_y', 'corner_x', 'xy'))
-    >>> solved.provenance["kind"]
-    'solve'
-    >>> largest = solved.to_pandas()["max_displacement"].max()
-
-docs/store.md and docs/runs.md describe the formats. This module writes nothing and takes no locks: a run may be in progress.
+docs/store.md and docs/runs.md describe the formats. Nothing is written and no locks are taken: a run may be in
+progress.
 """
 
 from __future__ import annotations
@@ -19,13 +10,15 @@ import difflib
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Optional, Union
 
-import h5py
 import numpy as np
+from numpy.typing import NDArray
+
+from .arrays import Arrays, NotFound, needed
 
 __all__ = ["Artifact", "NotFound", "Run", "StoreError", "load", "open", "runs"]
 
@@ -34,8 +27,6 @@ TITLE = "deaflow-artifact 1"
 HEADER = 512
 # Datasets and groups that the store adds to files.
 OWN = ("parts", "provenance", "long_attributes")
-# Arrays with more values per row are left out of tables.
-MOST_COLUMNS = 16
 RUN_FILE = re.compile(r"(\d{4}-\d\d-\d\dT\d\d-\d\d-\d\d\.\d{3}Z)(?:\.(\d+))?-([0-9a-f]{12})\.json")
 
 PathLike = Union[str, "os.PathLike[str]"]
@@ -43,10 +34,6 @@ PathLike = Union[str, "os.PathLike[str]"]
 
 class StoreError(Exception):
     """The folder is not a store of this format, or a file in it is damaged or missing."""
-
-
-class NotFound(LookupError):
-    """No run, stage, artifact or array has the given name."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +57,7 @@ class Run:
     """Numeric results of artifacts, as STAGE.RESULT."""
 
 
-class Artifact(Mapping[str, np.ndarray]):
+class Artifact(Arrays):
     """The arrays of an artifact by path, read on access; chunks are concatenated.
 
     Texts are arrays of `str`. Texts of any length, which a file stores as bytes and lengths (`objective/text` and
@@ -87,7 +74,7 @@ class Artifact(Mapping[str, np.ndarray]):
         """Names of the axes, slowest first."""
         self.shapes: dict[str, tuple[int, ...]] = {}
         self._long: set[str] = set()
-        with h5py.File(self.path, "r") as file:
+        with needed("h5py").File(self.path, "r") as file:
             attributes = _texts(file)
             self.kind: str = attributes.pop("kind", "").removesuffix(" chunk")
             self.attributes: dict[str, str] = attributes
@@ -98,7 +85,7 @@ class Artifact(Mapping[str, np.ndarray]):
         self._join_long_texts()
 
     def _visit(self, name: str, item: Any) -> None:
-        if not isinstance(item, h5py.Dataset) or name.split("/")[0] in OWN or "CLASS" in item.attrs:
+        if not isinstance(item, needed("h5py").Dataset) or name.split("/")[0] in OWN or "CLASS" in item.attrs:
             return
         self.units[name] = _text(item.attrs.get("units", b""))
         self.descriptions[name] = _text(item.attrs.get("description", b""))
@@ -117,10 +104,10 @@ class Artifact(Mapping[str, np.ndarray]):
                 for table in (self.units, self.descriptions, self.dims, self.shapes):
                     del table[length], table[f"{path}/text"]
 
-    def __getitem__(self, name: str) -> np.ndarray:
+    def __getitem__(self, name: str) -> NDArray[Any]:
         if name not in self.shapes:
             raise NotFound(f"artifact {self.digest[:12]} has no array {name!r}{_near(name, self.shapes)}")
-        with h5py.File(self.path, "r") as file:
+        with needed("h5py").File(self.path, "r") as file:
             if name in self._long:
                 lengths = file[f"{name}/length"][...].astype(int)
                 whole = file[f"{name}/text"][...].tobytes()
@@ -129,91 +116,38 @@ class Artifact(Mapping[str, np.ndarray]):
             values = file[name][...]
         return np.char.decode(values, "utf-8") if values.dtype.kind == "S" else values
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(sorted(self.shapes))
-
-    def __len__(self) -> int:
-        return len(self.shapes)
-
     def __repr__(self) -> str:
-        lines = [f"<deaflow {self.kind} {self.digest[:12]}>"]
-        for name in self:
-            axes = ", ".join(f"{axis}: {n}" for axis, n in zip(self.dims[name], self.shapes[name]))
-            unit = f" {self.units[name]}" if self.units[name] not in ("", "1") else ""
-            lines.append(f"  {name} ({axes}){unit}")
-        return "\n".join(lines)
+        return "\n".join([f"<deaflow {self.kind} {self.digest[:12]}>", *self._lines()])
 
-    def to_xarray(self) -> Any:
-        """Returns an `xarray.Dataset` with named dimensions; units and descriptions are attributes of its variables."""
-        xarray = _needed("xarray")
-        lengths: dict[str, int] = {}
-        variables = {}
-        for name in self:
-            dims = []
-            for axis, n in zip(self.dims[name], self.shapes[name]):
-                # A Dataset allows only one length per axis name.
-                dims.append(axis if lengths.setdefault(axis, n) == n else f"{axis}_{n}")
-            about = {"units": self.units[name], "description": self.descriptions[name]}
-            variables[name] = (dims, self[name], about)
-        about = dict(self.attributes, kind=self.kind, digest=self.digest)
-        return xarray.Dataset(variables, attrs=about)
+    def _name(self) -> str:
+        return f"artifact {self.digest[:12]}"
+
+    def _about(self) -> dict[str, str]:
+        return dict(self.attributes, kind=self.kind, digest=self.digest)
 
     def to_pandas(self, along: Optional[str] = None) -> Any:
-        """Returns a `pandas.DataFrame` with one row per index of an axis, by default that of most one-dimensional arrays.
-
-        Columns are those of `deaflow show --csv`, without units in their names; `frame.attrs["units"]` has the units. A `table` artifact
-        gives its own rows and columns, with NaN where a stage has no such result.
-        """
-        pandas = _needed("pandas")
-        if self.kind == "table" and along is None:
-            return self._table(pandas)
-        axis = along if along is not None else self._main_axis()
-        lengths = [self.shapes[name][0] for name in self if self.dims[name][:1] == (axis,)]
-        if not lengths:
-            known = sorted({dims[0] for dims in self.dims.values() if dims})
-            raise NotFound(f"no array of artifact {self.digest[:12]} has the axis {axis!r}: there are {', '.join(known)}")
-        columns: dict[str, np.ndarray] = {}
-        units: dict[str, str] = {}
-        for name in self:
-            first = self.dims[name][0] if self.dims[name] else ""
-            is_same = first == axis or first.endswith(f"_{axis}")
-            shape = self.shapes[name]
-            if not is_same or shape[0] != lengths[0] or int(np.prod(shape[1:])) > MOST_COLUMNS:
-                continue
-            values = self[name]
-            for place in np.ndindex(*shape[1:]):
-                column = ".".join([name, *(self._step(name, k, at) for k, at in enumerate(place, 1))])
-                columns[column], units[column] = values[(slice(None), *place)], self.units[name]
-        frame = pandas.DataFrame(columns)
-        frame.index.name = axis
-        frame.attrs = {"units": units, "digest": self.digest}
+        """As `Arrays.to_pandas`; an artifact of a `table` stage has its own rows, with NaN where a stage has no result."""
+        frame = self._table() if self.kind == "table" and along is None else super().to_pandas(along)
+        frame.attrs["digest"] = self.digest
         return frame
 
-    def _table(self, pandas: Any) -> Any:
+    def _table(self) -> Any:
         text, value, is_number = self["text"], self["value"], self["is_number"] == 1
         columns = {}
         for k, name in enumerate(self["columns"]):
             words = self["units"][k] == ""
             columns[name] = text[:, k] if words else np.where(is_number[:, k], value[:, k], np.nan)
-        frame = pandas.DataFrame(columns)
+        frame = needed("pandas").DataFrame(columns)
         frame.index.name = "row"
-        frame.attrs = {"units": dict(zip(self["columns"], self["units"])), "digest": self.digest}
+        frame.attrs = {"units": dict(zip(self["columns"], self["units"]))}
         return frame
-
-    def _main_axis(self) -> str:
-        firsts = [self.dims[name][0] for name in self if len(self.shapes[name]) == 1]
-        return max(firsts, key=firsts.count, default="")
-
-    def _step(self, name: str, axis: int, at: int) -> str:
-        is_vector = self.dims[name][axis] == "xy" and self.shapes[name][axis] == 2
-        return "xy"[at] if is_vector else str(at)
 
 
 def open(store: PathLike, name: str) -> Artifact:
     """Opens an artifact of a store.
 
-    `name` is a stage of the last run with a stage of that name (`solved`), a stage of a pipeline by its name (`quickstart:solved`)
-    or its file (`pipelines/quickstart.yaml:solved`), or the first four or more digits of a digest.
+    `name` is a stage of the last run with a stage of that name (`solved`), a stage of a pipeline by its name
+    (`quickstart:solved`) or its file (`pipelines/quickstart.yaml:solved`), or the first four or more digits of a digest.
 
     Raises NotFound if there is none, and StoreError if the store or a file in it is invalid.
     """
@@ -226,7 +160,7 @@ def open(store: PathLike, name: str) -> Artifact:
         raise NotFound(_unknown(root, name, stage, pipeline if colon else None))
     path = _object(root, digest)
     _check(path, digest)
-    with h5py.File(path, "r") as file:
+    with needed("h5py").File(path, "r") as file:
         parts = [_text(part) for part in file["parts"][...]] if "parts" in file else []
     for part in parts:
         # HDF5 would return fill values for a missing chunk.
@@ -237,12 +171,13 @@ def open(store: PathLike, name: str) -> Artifact:
 def load(path: PathLike) -> Artifact:
     """Opens a file of `deaflow export artifact`."""
     try:
-        with h5py.File(path, "r") as file:
+        with needed("h5py").File(path, "r") as file:
             texts = _texts(file["provenance"]) if "provenance" in file else {}
     except OSError as error:
         raise StoreError(f"{path} cannot be read as HDF5: {error}") from error
     if "artifact" not in texts:
-        raise StoreError(f"{path} was not written by `deaflow export artifact`; to read a store use `open` with the name of a stage")
+        why = "was not written by `deaflow export artifact`; to read a store use `open` with the name of a stage"
+        raise StoreError(f"{path} {why}")
     return Artifact(path, texts["artifact"])
 
 
@@ -322,7 +257,7 @@ def _unknown(root: Path, name: str, stage: str, pipeline: Optional[str]) -> str:
     return f"no run in {root} has a stage {stage!r}, and no digest starts with it{_near(stage, last.stages)}"
 
 
-def _near(name: str, known: Any) -> str:
+def _near(name: str, known: Iterable[str]) -> str:
     close = difflib.get_close_matches(name, list(known), 1)
     return f": did you mean {close[0]!r}?" if close else f"; there are: {', '.join(sorted(known))}"
 
@@ -352,10 +287,3 @@ def _texts(group: Any) -> dict[str, str]:
     texts = {name: _text(value) for name, value in group.attrs.items()}
     long = group.get("long_attributes", {})
     return {**texts, **{name: item[()].tobytes().decode() for name, item in long.items()}}
-
-
-def _needed(package: str) -> Any:
-    try:
-        return __import__(package)
-    except ImportError as error:
-        raise ImportError(f"this needs {package}: pip install {package}") from error

@@ -1,0 +1,65 @@
+"""The compiled part of deaflow."""
+
+from typing import Any, Optional, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__version__: str
+
+Described = tuple[NDArray[Any], str, str, list[str]]
+
+class Error(Exception):
+    """An error of deaflow, with the text that the command prints."""
+
+    code: int
+    message: str
+    help: Optional[str]
+    file: Optional[str]
+    line: Optional[int]
+    column: Optional[int]
+
+@final
+class Scene:
+    @staticmethod
+    def read(path: str, sets: list[str]) -> Scene: ...
+    @staticmethod
+    def of_text(text: str) -> Scene: ...
+    def in_state(self, name: str) -> Scene: ...
+    @property
+    def text(self) -> str: ...
+    @property
+    def notes(self) -> list[str]: ...
+    @property
+    def states(self) -> list[str]: ...
+    @property
+    def groups(self) -> int: ...
+    @property
+    def shape(self) -> tuple[int, int]: ...
+    @property
+    def size(self) -> list[float]: ...
+    def solve(
+        self,
+        groups: NDArray[np.uint8],
+        shares: Optional[NDArray[np.float64]],
+        solver: str,
+        *,
+        cells: bool,
+        checks: bool,
+    ) -> tuple[dict[str, Described], dict[str, str]]: ...
+    def value_and_gradient(
+        self,
+        groups: NDArray[np.uint8],
+        shares: NDArray[np.float64],
+        objective_text: str,
+        solver: str,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    def weighted(
+        self,
+        groups: NDArray[np.uint8],
+        shares: NDArray[np.float64],
+        weights: NDArray[np.float64],
+        solver: str,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+
+def main(arguments: list[str]) -> int: ...

@@ -1,0 +1,46 @@
+//! The Python module `deaflow._deaflow`: what the package in `python/deaflow` cannot do in Python. Each function reads
+//! its arguments and calls what the command line calls.
+
+mod arrays;
+mod error;
+mod gradient;
+mod scene;
+mod work;
+
+use std::ffi::OsString;
+
+use pyo3::prelude::*;
+
+/// Returns the words that start the command line: `python -m deaflow`.
+fn own_command(py: Python<'_>) -> PyResult<Vec<OsString>> {
+    let python: OsString = py.import("sys")?.getattr("executable")?.extract()?;
+    Ok(vec![python, "-m".into(), "deaflow".into()])
+}
+
+/// The compiled part of deaflow.
+#[pymodule]
+mod _deaflow {
+    use std::ffi::OsString;
+
+    use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use super::scene::Scene;
+
+    #[pymodule_export]
+    use super::error::Error;
+
+    /// Prepares the module when it is imported.
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        deaflow::cli::prepare(super::own_command(module.py())?, deaflow::BUILD);
+        module.add("__version__", deaflow::base::VERSION)
+    }
+
+    /// Runs a command line and returns its exit code. It handles signals and starts threads, so it is for a process of
+    /// its own.
+    #[pyfunction]
+    fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+        py.detach(|| deaflow::cli::main(arguments, deaflow::BUILD).code())
+    }
+}

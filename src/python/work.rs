@@ -1,0 +1,112 @@
+//! Runs work on all cores while other threads of Python go on, until Ctrl-C.
+
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use super::error::raised;
+use deaflow::base::Interrupt;
+use deaflow::cli::{self, CliError};
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+
+/// The time between two looks at the signals of Python.
+const PAUSE: Duration = Duration::from_millis(50);
+
+/// Threads for one call at a time.
+struct Pool {
+    threads: rayon::ThreadPool,
+    /// Whether their work is to end.
+    is_stopped: Arc<AtomicBool>,
+    /// The process that started them: one that it forks has none of them.
+    process: u32,
+}
+
+/// The pools that no call uses. Starting threads takes longer than the solution of a pattern.
+static IDLE: Mutex<Vec<Pool>> = Mutex::new(Vec::new());
+
+/// A single push or pop changes the list, so a panic elsewhere leaves a valid one.
+fn idle() -> MutexGuard<'static, Vec<Pool>> {
+    IDLE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Pool {
+    fn start() -> Result<Self, CliError> {
+        let is_stopped = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&is_stopped);
+        let interrupt = Interrupt::when(move || flag.load(Ordering::Relaxed));
+        let threads = rayon::ThreadPoolBuilder::new()
+            .num_threads(cli::threads()?)
+            .stack_size(cli::STACK)
+            .thread_name(|_| "deaflow".to_owned())
+            .start_handler(move |_| interrupt.clone().watch())
+            .build()
+            .map_err(|why| CliError::failure(format!("cannot start threads: {why}")))?;
+        Ok(Self {
+            threads,
+            is_stopped,
+            process: std::process::id(),
+        })
+    }
+
+    fn take() -> Result<Self, CliError> {
+        loop {
+            let Some(pool) = idle().pop() else {
+                return Self::start();
+            };
+            if pool.process == std::process::id() {
+                return Ok(pool);
+            }
+            // Its threads are those of another process: there is nobody to end them.
+            std::mem::forget(pool);
+        }
+    }
+}
+
+/// Runs work on all cores and returns its result; an exception if a handler of a signal raises one, as that of Ctrl-C
+/// does. The work then ends soon, and its result is dropped.
+///
+/// # Errors
+/// That of the work or of a handler, or if the system starts no threads.
+pub fn run<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce() -> Result<T, CliError> + Send + 'static,
+) -> PyResult<T> {
+    let pool = Pool::take().map_err(|error| raised(py, &error))?;
+    let (sender, receiver) = channel();
+    pool.threads.spawn(move || {
+        // The receiver waits for it in any case.
+        let _ = sender.send(catch_unwind(AssertUnwindSafe(work)));
+    });
+    let mut refused = None;
+    // What is sent is behind a lock, so that other threads of Python may be allowed to run.
+    let receiver = Mutex::new(receiver);
+    let done: Result<Result<T, CliError>, Box<dyn Any + Send>> = loop {
+        let received = py.detach(|| {
+            let receiver = receiver.lock().unwrap_or_else(PoisonError::into_inner);
+            receiver.recv_timeout(PAUSE)
+        });
+        match received {
+            Ok(done) => break done,
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(PyRuntimeError::new_err("the computation ended without a result"));
+            }
+            Err(RecvTimeoutError::Timeout) => {
+                if let Err(raised) = py.check_signals() {
+                    pool.is_stopped.store(true, Ordering::Relaxed);
+                    refused.get_or_insert(raised);
+                }
+            }
+        }
+    };
+    pool.is_stopped.store(false, Ordering::Relaxed);
+    idle().push(pool);
+    match (refused, done) {
+        (Some(raised), _) => Err(raised),
+        (None, Ok(result)) => result.map_err(|error| raised(py, &error)),
+        (None, Err(panic)) => resume_unwind(panic),
+    }
+}
