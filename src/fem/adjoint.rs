@@ -12,6 +12,7 @@
 use deaflow_field::{Field, Order};
 use deaflow_pattern::Part;
 
+use super::driven_charge;
 use super::effects::WithMaterial;
 use super::element::{Bilinear, Biquadratic, Element};
 use super::material::Material;
@@ -58,6 +59,8 @@ pub struct InMm<'a> {
     pub weights: &'a Field,
     /// The forces of the sides, if J depends on them.
     pub forces: Option<&'a SideForces<'a>>,
+    /// The charge in nC of a unit of electric energy.
+    pub charge_unit: f64,
     pub workspace: &'a mut Workspace,
 }
 
@@ -80,12 +83,35 @@ impl InMm<'_> {
     }
 }
 
+impl InMm<'_> {
+    /// Computes the gradient of a weight times the charge in nC.
+    fn of_charge<L: Material>(
+        &mut self,
+        laws: [&L; 2],
+        operator: &Operator<'_, L>,
+        weight: f64,
+    ) -> Result<Vec<f64>, NewtonFailure> {
+        let mut load = vec![0.0; self.u.len()];
+        driven_charge::forces(laws, self.activity, self.u, &mut load);
+        let adjoint = newton::solve_tangent(operator, self.laplacian, EXACT, self.u, &load, self.workspace)?;
+        let direct = driven_charge::of_cells(laws, self.activity, self.u);
+        let both = of_all_cells(operator, self.u, &adjoint)?.into_iter().zip(direct);
+        let unit = weight * self.charge_unit;
+        Ok(both.map(|(moved, direct)| unit * (moved + direct)).collect())
+    }
+}
+
 impl WithMaterial for InMm<'_> {
     type Output = Option<Vec<f64>>;
 
     fn run<L: Material, F: Fn(f64) -> L + Sync>(mut self, material: F) -> Option<Vec<f64>> {
-        let material = material(1.0);
+        let (unloaded, material) = (material(0.0), material(1.0));
         let operator = Operator::new(&material, self.activity);
+        let weight = self.weights.charge();
+        let of_charge = match weight.abs() > 0.0 {
+            true => Some(self.of_charge([&unloaded, &material], &operator, weight).ok()?),
+            false => None,
+        };
         let of_forces = match self.forces {
             Some(forces) => Some(self.of_forces(&operator, forces).ok()?),
             None => None,
@@ -95,6 +121,9 @@ impl WithMaterial for InMm<'_> {
         let mut found: Vec<f64> = found.ok()?.iter().map(|g| g * unit).collect();
         if let Some(of_forces) = of_forces {
             found.iter_mut().zip(of_forces).for_each(|(sum, own)| *sum += own);
+        }
+        if let Some(of_charge) = of_charge {
+            found.iter_mut().zip(of_charge).for_each(|(sum, own)| *sum += own);
         }
         Some(found)
     }

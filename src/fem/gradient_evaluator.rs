@@ -44,6 +44,16 @@ impl GradientEvaluator {
         Self::with_unrelaxed(scene, 0.0)
     }
 
+    /// Adds the charge on the electrodes to fields.
+    #[must_use]
+    pub fn measuring_charge(self) -> Self {
+        Self {
+            solver: self.solver.measuring_charge(),
+            plain: self.plain.map(MembraneSolver::measuring_charge),
+            ..self
+        }
+    }
+
     /// Like [`GradientEvaluator::new`], with viscoelastic branches that have no time to relax, of a modulus γ in units
     /// of μλp².
     ///

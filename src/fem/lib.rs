@@ -22,6 +22,7 @@ mod continuation;
 mod coverage;
 mod critical;
 mod direct;
+mod driven_charge;
 mod dynamic_stiffness;
 pub mod effects;
 mod eigenvalue;

@@ -147,6 +147,7 @@ impl LinearResponse {
                 u: &self.rest,
                 weights,
                 forces: None,
+                charge_unit: 0.0,
                 workspace,
             })?;
             let pairs = weights.values().iter().zip(loaded.values());

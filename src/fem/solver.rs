@@ -117,6 +117,8 @@ pub struct MembraneSolver {
     pub(super) limit: WorkLimit,
     /// The state without voltage, if it is not the mount and no pattern changes it.
     rest: OnceLock<Option<Vec<f64>>>,
+    /// Whether observations have the charge.
+    measures_charge: bool,
 }
 
 impl MembraneSolver {
@@ -173,8 +175,18 @@ impl MembraneSolver {
             tolerance,
             limit,
             rest: OnceLock::new(),
+            measures_charge: false,
         };
         Ok(solver.within(limit))
+    }
+
+    /// Adds the charge on the electrodes to observations and fields.
+    #[must_use]
+    pub(super) fn measuring_charge(self) -> Self {
+        Self {
+            measures_charge: true,
+            ..self
+        }
     }
 
     /// Sets the work limit of each pattern. If a fringe field adds elements, the limit is divided by the root of the
@@ -297,7 +309,8 @@ impl MembraneSolver {
     /// Returns the gradient of J = Σ weights · u, with u in mm at the cell corners, with respect to the activity of
     /// each cell, `[y][x]`, which varies between 0 and 1: the covered share if electrodes cover parts of cells. `None`
     /// if the solution is not converged, or if the energy is not linear in the activity: with wrinkling, a fringe field
-    /// or a prescribed charge. The [reactions](Field::reactions) of `weights` are those of the forces of sides in mN.
+    /// or a prescribed charge. The [reactions](Field::reactions) of `weights` are those of the forces of sides in mN, and
+    /// its [charge](Field::charge) that of the charge in nC.
     #[must_use]
     pub fn gradient(&self, pattern: &Pattern, solution: &MeshSolution, weights: &Field) -> Option<Vec<f64>> {
         let is_charged = self.scene.drive.charge.is_some();
@@ -315,6 +328,7 @@ impl MembraneSolver {
             u: &solution.displacement,
             weights,
             forces: forces.as_ref(),
+            charge_unit: self.charge_unit(),
             workspace: &mut self.workspace(),
         })
     }
@@ -501,6 +515,7 @@ impl MembraneSolver {
             reactions,
             reaction_changes,
             rest: rest.map(|rest| self.grid.sample(&rest)),
+            charge: self.measures_charge.then(|| self.driven_charge(pattern, u)),
             ..Observation::default()
         }
     }

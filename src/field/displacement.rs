@@ -1,4 +1,4 @@
-//! A displacement field at the cell corners, for any mesh, with the forces of the sides.
+//! A displacement field at the cell corners, for any mesh, with the forces of the sides and the charge.
 
 use deaflow_pattern::{CELLS, Raster, Symmetry};
 
@@ -11,7 +11,11 @@ pub struct Field {
     raster: Raster,
     values: Vec<f64>,
     reactions: Reactions,
+    charge: f64,
 }
+
+/// The unit of [`Field::charge`].
+pub const CHARGE_UNIT: &str = "nC";
 
 /// The unit of [`Reactions`].
 pub const REACTION_UNIT: &str = "mN";
@@ -61,6 +65,7 @@ impl Field {
             raster: self.raster,
             values: pairs.map(|(own, other)| beyond(*own, *other)).collect(),
             reactions: combined(&self.reactions, &from.reactions, beyond),
+            charge: beyond(self.charge, from.charge),
         }
     }
 
@@ -71,6 +76,7 @@ impl Field {
             raster: self.raster,
             values: self.values.iter().map(|value| factor * value).collect(),
             reactions: self.reactions.map(|force| force.map(|value| factor * value)),
+            charge: factor * self.charge,
         }
     }
 
@@ -82,6 +88,7 @@ impl Field {
             raster: self.raster,
             values: pairs.map(|(own, other)| own + factor * other).collect(),
             reactions: combined(&self.reactions, &other.reactions, |own, other| own + factor * other),
+            charge: self.charge + factor * other.charge,
         }
     }
 
@@ -92,6 +99,7 @@ impl Field {
             raster,
             values: vec![0.0; 2 * raster.corners()],
             reactions: Reactions::default(),
+            charge: 0.0,
         }
     }
 
@@ -105,6 +113,18 @@ impl Field {
     #[must_use]
     pub fn reactions(&self) -> &Reactions {
         &self.reactions
+    }
+
+    /// Sets the charge on the electrodes in nC.
+    #[must_use]
+    pub fn with_charge(self, charge: f64) -> Self {
+        Self { charge, ..self }
+    }
+
+    /// The charge on the electrodes in nC; zero if it is not known, as in files and where it was not asked for.
+    #[must_use]
+    pub fn charge(&self) -> f64 {
+        self.charge
     }
 
     /// Creates a field from its values in mm, two for each corner.
@@ -122,6 +142,7 @@ impl Field {
                 raster,
                 values,
                 reactions: Reactions::default(),
+                charge: 0.0,
             }),
         }
     }
@@ -234,6 +255,7 @@ impl Field {
             raster,
             values,
             reactions,
+            charge: self.charge,
         }
     }
 

@@ -9,7 +9,7 @@ mod simulate;
 mod simulators;
 mod states;
 
-pub use displacement::{CORNERS, Field, FieldError, REACTION_UNIT, Reactions};
+pub use displacement::{CHARGE_UNIT, CORNERS, Field, FieldError, REACTION_UNIT, Reactions};
 pub use feasibility::Feasibility;
 pub use mesh::{Mesh, Order};
 pub use observation::{Charged, MESH_OVERESTIMATE, Motion, Observation};

@@ -31,6 +31,8 @@ pub struct Observation {
     pub rest: Option<Field>,
     /// Charge control: charge, voltage and stability.
     pub charged: Option<Charged>,
+    /// If it is asked for: the charge on the electrodes at the voltage in nC.
+    pub charge: Option<f64>,
 }
 
 /// An equilibrium at a given charge.
@@ -64,7 +66,8 @@ impl Observation {
             Some(rest) => field.plus(-1.0, rest),
             None => field.clone(),
         };
-        moved.with_reactions(self.reaction_changes.unwrap_or_default())
+        let moved = moved.with_reactions(self.reaction_changes.unwrap_or_default());
+        moved.with_charge(self.charge.unwrap_or_default())
     }
 
     /// Returns whether there are no results.
