@@ -2,17 +2,30 @@
 
 use super::element::{Packed, PerUnit};
 use super::error::Fault;
+use super::fronts::Fronts;
 use super::intervals::{DesignInterval, DesignIntervals};
 use super::macros::arrays;
 use super::part::LongTexts;
 use super::solutions::SolvedHistories;
-use deaflow_field::{Field, OutcomeKind, REACTION_UNIT};
+use deaflow_field::{CHARGE_UNIT, Field, OutcomeKind, REACTION_UNIT};
 use deaflow_pattern::{CELLS, Pattern, Role};
 use deaflow_scene::{Effects, Scene};
 use deaflow_store::{Artifact, Object, StoreError};
 
 /// The arrays of values of designs, which are forces in place of displacements if the objective is a `reaction`.
-const VALUES: [&str; 3] = ["value", "history/value", "climb/value"];
+const VALUES: [&str; 5] = [
+    "value",
+    "history/value",
+    "climb/value",
+    "front/gain",
+    "front/hypervolume",
+];
+
+/// The limits of a front, which are charges in place of areas if designs are those for each charge.
+const LIMITS: [&str; 2] = ["front/limit", "front/reference"];
+
+/// The hypervolume, in units of values times charge for these.
+const HYPERVOLUME: [&str; 1] = ["front/hypervolume"];
 
 /// The same of verified designs.
 const VERIFIED_VALUES: [&str; 3] = ["component/predicted", "component/simulated", "component/error"];
@@ -38,7 +51,15 @@ impl Designs {
     /// Like [`Self::object`], with values in a unit: mm for displacements, mN for forces of sides.
     #[must_use]
     pub fn object_in(self, unit: &str) -> Object {
-        in_unit(self.object(), &VALUES, unit)
+        let has_charges = self.front.as_ref().is_some_and(|front| front.charge.is_some());
+        let object = in_unit(self.object(), &VALUES, unit);
+        match has_charges {
+            true => {
+                let object = in_unit(object, &LIMITS, CHARGE_UNIT);
+                in_unit(object, &HYPERVOLUME, &format!("{unit} {CHARGE_UNIT}"))
+            }
+            false => object,
+        }
     }
 }
 
@@ -220,6 +241,8 @@ arrays! {
         evaluations: Vec<u64> = array("evaluations", "1", [target]),
         /// The available evaluators.
         candidates: Candidates = group("probe"),
+        /// The search of a front, whose points are the rows.
+        front: Option<Fronts> = group("front"),
         /// The scene.
         scene: Scene = attribute("scene"),
         /// The search method.

@@ -5,6 +5,7 @@
 
 mod constraint;
 mod evolve;
+mod front;
 mod genome;
 mod intuitive;
 mod local_search;
@@ -24,6 +25,7 @@ pub use evolve::{
     CheckpointError, Evolution, EvolveError, EvolveOptions, EvolveProblem, GenerationReport, Observer, OptionsError,
     Stop, Winner, evolve, first_generation,
 };
+pub use front::{Cost, Front, FrontMethod, FrontObjective, FrontPoint, LeastArea, LeastCharge, Pareto, hypervolume};
 pub use genome::{Genome, UNITS};
 pub use intuitive::Intuitive;
 pub use local_search::{LocalOptimum, SearchProblem, SearchStep, StartError};
@@ -34,8 +36,8 @@ pub use objective::{
 pub use options::{Method, SearchOptions};
 pub use planned::PlannedDesign;
 pub use search::{
-    Candidate, CandidateAccuracy, Cause, DesignReferences, Evaluators, FiniteElements, FoundDesign, Refinement, Search,
-    SearchError, SearchProgress, SearchResult, cheapest_evaluator,
+    Candidate, CandidateAccuracy, Cause, DesignReferences, Evaluators, FiniteElements, FoundDesign, FoundFront,
+    PointOutcome, Refinement, Search, SearchError, SearchProgress, SearchResult, cheapest_evaluator,
 };
 pub use selection::{DesignFilter, DesignLabel, SimulatedScore};
 pub use status::own_pattern_status;

@@ -81,27 +81,51 @@ const GENETIC: [&str; 11] = [
 /// Keys without effect for `method: ga`.
 const ADJOINT: [&str; 1] = ["starts"];
 
+/// Keys without effect for a front, which has one design for each area.
+const SINGLE: [&str; 3] = ["designs", "distance", "area_tolerance"];
+
+/// The key of a front. Its search is along the gradient, also without `method`.
+const FRONT: &str = "objectives";
+
 fn rules(fields: Fields) -> Fields {
     let is_adjoint = json!({ "required": ["method"], "properties": { "method": { "const": "adjoint" } } });
     let absent = |keys: &[&str]| {
         let each: Vec<_> = keys.iter().map(|key| json!({ "required": [key] })).collect();
         json!({ "not": { "anyOf": each } })
     };
+    let is_front = json!({ "required": [FRONT] });
+    let along_gradient = json!({ "anyOf": [is_adjoint, is_front] });
+    let method = json!({ "properties": { "method": { "const": "adjoint" } } });
     fields
         .rule(json!({ "properties": { "units": { "enum": [UNITS, CELLS] } } }))
-        .rule(json!({ "if": is_adjoint, "then": absent(&GENETIC), "else": absent(&ADJOINT) }))
+        .rule(json!({ "if": along_gradient, "then": absent(&GENETIC), "else": absent(&ADJOINT) }))
+        .rule(json!({ "if": is_front, "then": { "allOf": [absent(&SINGLE), method] } }))
 }
 
 impl SearchOptions {
     /// Refuses keys that have no effect with the method.
     fn check(&self, map: &Map<'_>) -> Result<(), InputError> {
-        let foreign: &[&str] = match self.method {
+        let is_front = map.optional(FRONT).is_some();
+        if is_front && let Some(node) = map.optional("method").filter(|_| self.method == Method::Ga) {
+            return Err(node
+                .error("`method: ga` cannot search a front of two objectives")
+                .help("remove it: fronts are searched along the gradient"));
+        }
+        if let Some((key, node)) = SINGLE.iter().find_map(|key| Some((key, map.optional(key)?)))
+            && is_front
+        {
+            return Err(node
+                .error(format!("`{key}` has no effect with `{FRONT}`"))
+                .help("remove it"));
+        }
+        let method = if is_front { Method::Adjoint } else { self.method };
+        let foreign: &[&str] = match method {
             Method::Ga => &ADJOINT,
             Method::Adjoint => &GENETIC,
         };
         if let Some((key, node)) = foreign.iter().find_map(|key| Some((key, map.optional(key)?))) {
             return Err(node
-                .error(format!("`{key}` has no effect with `method: {}`", self.method.name()))
+                .error(format!("`{key}` has no effect with `method: {}`", method.name()))
                 .help("remove it"));
         }
         match map.optional("units") {
@@ -109,6 +133,15 @@ impl SearchOptions {
                 .error(format!("`units` is {}", self.units))
                 .help(format!("allowed: {UNITS} or {CELLS}"))),
             _ => Ok(()),
+        }
+    }
+
+    /// The options of the search of a front.
+    #[must_use]
+    pub fn of_front(self) -> Self {
+        Self {
+            method: Method::Adjoint,
+            ..self
         }
     }
 

@@ -3,6 +3,9 @@
 use std::collections::HashSet;
 use std::fmt;
 
+use serde_json::json;
+
+use super::front::{Front, FrontObjective, Pareto};
 use super::objective::{Goal, GoalError, Objective};
 use deaflow_base::{
     Canonical, Decimal, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, is_plain_name,
@@ -47,6 +50,11 @@ parameters! {
         objective: Option<Objective>,
         /// Several targets with unique names, in place of `objective`.
         targets: Option<Vec<NamedTarget>> [((), 1..=10_000)],
+        /// Two objectives, in place of `objective`: that of a design, and its area or charge. The designs are those of
+        /// a front, each the best for its area or charge.
+        objectives: Option<Vec<FrontObjective>> [((), 2..=2)],
+        /// The points of the front of two `objectives`.
+        pareto: Option<Pareto>,
         /// Target area of the electrodes, a share of the free membrane, such as 0.5 or `50 %`; or `free`.
         area: Area = 0.5,
     }
@@ -68,11 +76,24 @@ pub struct Target {
 }
 
 fn objective_or_targets(fields: Fields) -> Fields {
-    fields.exactly_one(&["objective", "targets"])
+    let has = |key: &str| json!({ "required": [key] });
+    let fields = fields
+        .exactly_one(&["objective", "targets", "objectives"])
+        .rule(json!({ "if": has("pareto"), "then": has("objectives") }))
+        .mutually_exclusive("objectives", "area");
+    FrontObjective::rules(fields)
 }
 
 impl Targets {
     fn check(&self, map: &Map<'_>) -> Result<(), InputError> {
+        if let Some(node) = map.optional("objectives") {
+            return self.check_front(map, node);
+        }
+        if let Some(node) = map.optional("pareto") {
+            return Err(node
+                .error("`pareto` needs two `objectives`")
+                .help("replace `objective` by `objectives: [{ point, direction }, { area: least }]`"));
+        }
         match (map.optional("objective"), map.optional("targets")) {
             (Some(node), Some(_)) => Err(node
                 .error("`objective` cannot be used with `targets`: each target has its own")
@@ -90,6 +111,39 @@ impl Targets {
                 Ok(())
             }
         }
+    }
+
+    /// Checks two objectives, in place of one or of several targets.
+    fn check_front(&self, map: &Map<'_>, node: &Node) -> Result<(), InputError> {
+        if let Some(key) = ["objective", "targets", "area"]
+            .into_iter()
+            .find(|key| map.optional(key).is_some())
+        {
+            let why = match key {
+                "area" => "the area of their designs is free, or one of them",
+                _ => "they take its place",
+            };
+            return Err(node
+                .error(format!("`{key}` cannot be used with `objectives`: {why}"))
+                .help(format!("remove `{key}`")));
+        }
+        match self.front() {
+            Some(_) => Ok(()),
+            None => Err(node
+                .error("a front needs the objective of a design, and `area: least` or `charge: least`")
+                .help("for example `objectives: [{ point: [25 mm, 25 mm], direction: 0 deg }, { area: least }]`")),
+        }
+    }
+
+    /// Whether they are those of a front.
+    #[must_use]
+    pub fn is_front(&self) -> bool {
+        self.objectives.is_some()
+    }
+
+    /// The front of two objectives, and the first one; `None` with one objective or several targets.
+    pub(super) fn front(&self) -> Option<(Objective, Front)> {
+        Front::of(self.objectives.as_deref()?, self.pareto.as_ref())
     }
 
     /// The targets in a scene. `penalty` is the weight of the area in the fitness, `map` the source of the targets. A
@@ -116,6 +170,14 @@ impl Targets {
         if let Some(objective) = self.objective {
             let node = map.optional("objective");
             return Ok(vec![target(SINGLE_NAME.to_owned(), objective, self.area, node)?]);
+        }
+        if let Some((objective, _)) = self.front() {
+            let items = map.optional("objectives").and_then(|list| list.list("objectives").ok());
+            let node = items
+                .unwrap_or_default()
+                .iter()
+                .find(|item| !FrontObjective::is_cost(item));
+            return Ok(vec![target(Front::NAME.to_owned(), objective, Area(None), node)?]);
         }
         let items = map
             .optional("targets")

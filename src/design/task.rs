@@ -1,6 +1,7 @@
 //! The targets and constraints of a design stage in a scene.
 
 use super::constraint::ConstraintParameters;
+use super::front::Front;
 use super::objective::{ResponseKind, Subject};
 use super::options::{Method, SearchOptions};
 use super::planned::PlannedDesign;
@@ -16,6 +17,8 @@ pub struct DesignTask {
     pub targets: Vec<Target>,
     /// The constraints.
     pub constraints: ConstraintParameters,
+    /// The front of the target, if the stage has two objectives.
+    pub front: Option<Front>,
 }
 
 impl DesignTask {
@@ -33,6 +36,7 @@ impl DesignTask {
             Some(node) => read_constraints(node, scene)?,
             None => ConstraintParameters::none_in(scene).map_err(|e| stage.error(e.to_string()))?,
         };
+        let front = targets.front().map(|(_, front)| front);
         let targets = targets.in_scene(map, scene, options.area_penalty.to_f64())?;
         let forces = targets.iter().filter(|target| target.objective.is_reaction()).count();
         if forces > 0 && forces < targets.len() {
@@ -40,16 +44,20 @@ impl DesignTask {
             let node = map.optional("targets").unwrap_or(stage);
             return Err(node.error(message).help("design them in two stages"));
         }
-        Ok(Self { targets, constraints })
+        Ok(Self {
+            targets,
+            constraints,
+            front,
+        })
     }
 
     /// Returns the designs that a stage will search.
     #[must_use]
     pub fn planned(&self, stage: &str, case: Option<&CaseLabel>, options: &SearchOptions) -> Vec<PlannedDesign> {
-        let planned = self.targets.iter().map(|target| PlannedDesign {
+        let planned = |target: &Target, name: String| PlannedDesign {
             stage: stage.to_owned(),
             case: case.map_or_else(String::new, |case| case.0.clone()),
-            target: target.name.clone(),
+            target: name,
             objective: target.objective.to_text(),
             response: target.objective.response(),
             is_reaction: target.objective.is_reaction(),
@@ -57,8 +65,14 @@ impl DesignTask {
             constraints: self.constraints.to_text(),
             method: options.method,
             units: options.units,
-        });
-        planned.collect()
+        };
+        let names = |target: &Target| match &self.front {
+            Some(front) => (0..front.pareto.points).map(Front::point_name).collect(),
+            None => vec![target.name.clone()],
+        };
+        let all = self.targets.iter();
+        all.flat_map(|target| names(target).into_iter().map(|name| planned(target, name)))
+            .collect()
     }
 
     /// Refuses points on a frame, areas that the constraints exclude, and distances that designs of the area cannot

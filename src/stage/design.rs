@@ -16,7 +16,7 @@ use std::time::Instant;
 
 use serde_json::json;
 
-use super::results::{PREDICTED_REACTION, of_targets};
+use super::results::{CHARGE, CHARGE_HYPERVOLUME, HYPERVOLUME, PREDICTED_REACTION, of_targets};
 use super::{drive_check, model, needed, scene};
 use deaflow_base::{Canonical, Declared, Document, Fields, InputError, Map, Node, Parameter, parameters};
 use deaflow_content::Designs;
@@ -69,9 +69,22 @@ fn rules(fields: Fields) -> Fields {
         .optional("constraints", ConstraintParameters::schema())
         .rule(json!({ "if": is("evaluator", "surrogate"), "then": { "required": ["needs"] } }))
         .rule(json!({ "if": is("method", "adjoint"), "then": { "not": { "required": ["needs"] } } }))
+        .rule(json!({ "not": { "required": ["objectives", "needs"] } }))
 }
 
 impl DesignParameters {
+    /// Reads the parameters of a stage. The search of a front is along the gradient.
+    fn of_stage(map: &Map<'_>) -> Result<Self, InputError> {
+        let read = Self::read_map(map)?;
+        Ok(match read.targets.is_front() {
+            true => Self {
+                options: read.options.of_front(),
+                ..read
+            },
+            false => read,
+        })
+    }
+
     fn check(&self, map: &Map<'_>) -> Result<(), InputError> {
         let network = map
             .optional("needs")
@@ -80,6 +93,13 @@ impl DesignParameters {
             return Err(map
                 .error("`evaluator: surrogate` needs a network: add a train stage to `needs`")
                 .help("add `needs: [STAGE]` with a stage of kind `train`, or use another evaluator"));
+        }
+        if let Some(node) = network
+            && self.targets.is_front()
+        {
+            return Err(node
+                .error("a front is searched by finite elements only; remove the network from `needs`")
+                .help("remove `needs`"));
         }
         match network.filter(|_| self.options.method == Method::Adjoint) {
             Some(node) => Err(node
@@ -124,10 +144,26 @@ impl Kind for DesignKind {
             REACTION_UNIT => PREDICTED_REACTION,
             _ => "predicted",
         };
-        Ok(of_targets(
+        let mut results = of_targets(
             &found,
             &[(value, &view.value().read()?), ("area", &rows.area().read()?)],
-        ))
+        );
+        if view.front().is_there()? {
+            let charges = view.front().charge().read()?;
+            let name = if charges.is_some() {
+                CHARGE_HYPERVOLUME
+            } else {
+                HYPERVOLUME
+            };
+            results.extend(
+                charges
+                    .iter()
+                    .flat_map(|charges| of_targets(&found, &[(CHARGE, charges)])),
+            );
+            let grown = view.front().hypervolume().read()?;
+            results.extend(grown.last().map(|reached| (name.to_owned(), *reached)));
+        }
+        Ok(results)
     }
 
     fn needs(&self) -> Needs {
@@ -145,7 +181,11 @@ impl Kind for DesignKind {
     fn files(&self, stage: &Node) -> Vec<String> {
         let targets = stage.peek("targets").and_then(|targets| targets.list("targets").ok());
         let all = std::iter::once(stage).chain(targets.unwrap_or_default());
-        let fields = all.filter_map(|of| of.peek("objective")?.peek("field")?.text("field").ok());
+        let of_front = stage.peek("objectives").and_then(|both| both.list("objectives").ok());
+        let objectives = all
+            .filter_map(|of| of.peek("objective"))
+            .chain(of_front.unwrap_or_default());
+        let fields = objectives.filter_map(|objective| objective.peek("field")?.text("field").ok());
         fields.map(str::to_owned).collect()
     }
 
@@ -155,7 +195,7 @@ impl Kind for DesignKind {
 
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         let map = stage.node.fields(DesignParameters::WHAT, &keys())?;
-        let parameters = DesignParameters::read_map(&map)?;
+        let parameters = DesignParameters::of_stage(&map)?;
         check_networks(&parameters, stage, needs)?;
         let (mut warnings, mut expectations) = (Vec::new(), Vec::new());
         warnings.extend(drive_check::stability_warning(stage));
@@ -185,11 +225,14 @@ impl Kind for DesignKind {
             evaluator,
             targets,
             options,
-        } = DesignParameters::read_map(&map)?;
+        } = DesignParameters::of_stage(&map)?;
         let task = DesignTask::read((targets, &options), (&map, stage), &scene)?;
         task.check(&options, (&map, stage), &scene)?;
         check_breakdown_margin(&task, &scene, map.optional("constraints").unwrap_or(stage))?;
         check_pull_in_margin(&task, &scene, map.optional("constraints").unwrap_or(stage))?;
+        if task.front.as_ref().is_some_and(|front| front.cost.is_charge()) {
+            check_charge(&task, &scene, map.optional("objectives").unwrap_or(stage))?;
+        }
         for target in &task.targets {
             let node = map.optional("objective").unwrap_or(stage);
             check_response(target, &scene, node)?;
@@ -226,7 +269,7 @@ pub(super) fn planned(stage: &StageDeclaration<'_>) -> Result<Vec<PlannedDesign>
     let scene = scene::read_all_states(stage.node, stage.scene)?;
     let DesignParameters {
         case, targets, options, ..
-    } = DesignParameters::read_map(&map)?;
+    } = DesignParameters::of_stage(&map)?;
     let task = DesignTask::read((targets, &options), (&map, stage.node), &scene)?;
     Ok(task.planned(stage.name, case.as_ref(), &options))
 }
@@ -254,6 +297,25 @@ fn check_response(target: &Target, scene: &Scene, node: &Node) -> Result<(), Inp
             Swing::check(scene).map_err(|e| node.error(format!("target `{name}` at {frequency}: {e}")))
         }
     }
+}
+
+/// Refuses a charge as an objective where it is not that of one equilibrium at one voltage.
+fn check_charge(task: &DesignTask, scene: &Scene, node: &Node) -> Result<(), InputError> {
+    let is_equilibrium = |target: &Target| target.objective.response() == ResponseKind::Equilibrium;
+    let why = if scene.drive.charge.is_some() {
+        "the drive is a charge"
+    } else if !scene.states.is_empty() {
+        "the device has several states"
+    } else if scene.drive.voltages.in_volts().len() > 1 {
+        "the device has several voltages"
+    } else if !task.targets.iter().all(is_equilibrium) {
+        "the other objective is not one of an equilibrium"
+    } else {
+        return Ok(());
+    };
+    Err(node
+        .error(format!("`charge: least` is not possible here: {why}"))
+        .help("use `area: least`"))
 }
 
 /// Refuses a design without the networks that it needs: one, or one for each state of the device.
@@ -490,12 +552,17 @@ impl DesignStage {
             ("constraints", self.task.constraints.canonical()),
             ("scene", self.scene.canonical()),
         ]);
+        entries.extend(self.task.front.as_ref().map(|front| ("front", front.canonical())));
         Canonical::map(entries)
     }
 
     /// The length of the progress bar of a target; the first generation has no step of its own.
     fn steps(&self) -> u64 {
         let all = self.options.steps();
+        if let Some(front) = &self.task.front {
+            // The largest limit is that of the searches from several starts.
+            return all + front.pareto.points as u64 - 1;
+        }
         match self.options.method {
             Method::Ga if self.options.generations > 0 => all - 1,
             _ => all,
@@ -587,6 +654,14 @@ impl Stage for DesignStage {
             .iter()
             .map(|(_, scene)| scene.strongest_group())
             .collect();
+        let help = |error: SearchError| match error {
+            SearchError::Stopped(stopped) => stopped.into(),
+            error if error.is_instability() => StageError::Advised {
+                source: error.into(),
+                help: drive_check::stability_advice(&scene),
+            },
+            error => StageError::failed(error),
+        };
         let search = Search {
             target,
             constraints: self.task.constraints.constraints(),
@@ -595,17 +670,17 @@ impl Stage for DesignStage {
             elements: &ForTarget { stage: self, target },
             progress: &Follow::new(job, self.options.generations, target.goal.unit()),
         };
+        let (method, searched) = (self.options.method.name(), format!("search; {}", target.name));
+        if let Some(front) = &self.task.front {
+            let found = search.front(front).map_err(help)?;
+            job.measure(searched, start.elapsed().as_secs_f64());
+            let searched = (self.scene.clone(), method);
+            let designs = content::front(self.heading(target), found, front.cost.is_charge(), searched);
+            return Ok(designs.object_in(target.goal.unit()));
+        }
         let found = search.run(|| evaluators(self.evaluator, &scene, (response, &target.goal), networks));
-        let found = found.map_err(|error| match error {
-            SearchError::Stopped(stopped) => stopped.into(),
-            error if error.is_instability() => StageError::Advised {
-                source: error.into(),
-                help: drive_check::stability_advice(&scene),
-            },
-            error => StageError::failed(error),
-        })?;
-        job.measure(format!("search; {}", target.name), start.elapsed().as_secs_f64());
-        let method = self.options.method.name();
+        let found = found.map_err(help)?;
+        job.measure(searched, start.elapsed().as_secs_f64());
         let mut designs = content::designs(self.heading(target), found, self.scene.clone(), method);
         if let Some(calibrated) = calibrated {
             let intervals = calibrated.intervals(&target.goal, &designs.rows.patterns)?;

@@ -1,7 +1,7 @@
 //! The results of stages: numbers by name.
 
 use deaflow_content::{ArtifactKind, Samples, Solutions};
-use deaflow_field::REACTION_UNIT;
+use deaflow_field::{CHARGE_UNIT, REACTION_UNIT};
 use deaflow_orchestrator::StageError;
 use deaflow_store::Artifact;
 
@@ -25,7 +25,14 @@ pub fn words_of(kind: &str) -> &'static [&'static str] {
         ArtifactKind::Measure => &["files", "rows"],
         ArtifactKind::Fit => &["fitted", "chi2_per_dof"],
         ArtifactKind::Compare => &["rms", "r_squared", "chi2_per_dof"],
-        ArtifactKind::Design => &["predicted", "predicted_reaction", "area"],
+        ArtifactKind::Design => &[
+            "predicted",
+            "predicted_reaction",
+            "area",
+            CHARGE,
+            HYPERVOLUME,
+            CHARGE_HYPERVOLUME,
+        ],
         ArtifactKind::Verify => &["displacement", "reaction", "area", "predicted", "predicted_reaction"],
         ArtifactKind::Yield => &["yield", "mean", "deviation", "failed"],
         ArtifactKind::Accuracy => &["max_error"],
@@ -36,7 +43,7 @@ pub fn words_of(kind: &str) -> &'static [&'static str] {
 
 /// Returns the unit of a result, by its first word.
 pub fn unit(name: &str) -> &'static str {
-    const LENGTHS: [&str; 9] = [
+    const LENGTHS: [&str; 10] = [
         "max_displacement",
         "mean_displacement",
         "displacement",
@@ -46,10 +53,13 @@ pub fn unit(name: &str) -> &'static str {
         "error",
         "mean",
         "deviation",
+        HYPERVOLUME,
     ];
     let word = name.split('.').next().unwrap_or(name);
     match word {
         REACTION | PREDICTED_REACTION => REACTION_UNIT,
+        CHARGE => CHARGE_UNIT,
+        CHARGE_HYPERVOLUME => "mm nC",
         word if LENGTHS.contains(&word) => "mm",
         _ => "1",
     }
@@ -58,6 +68,13 @@ pub fn unit(name: &str) -> &'static str {
 /// The simulated and the predicted value of a design whose objective is a `reaction`.
 pub const REACTION: &str = "reaction";
 pub const PREDICTED_REACTION: &str = "predicted_reaction";
+
+/// The hypervolume of a front of displacements: in mm, as areas are fractions.
+pub const HYPERVOLUME: &str = "hypervolume";
+
+/// The same where designs are those for each charge, and the charge of each design.
+pub const CHARGE_HYPERVOLUME: &str = "charge_hypervolume";
+pub const CHARGE: &str = "charge";
 
 /// Returns the results of samples: their number and mean area.
 ///

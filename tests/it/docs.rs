@@ -73,6 +73,11 @@ fn the_page_on_tolerances_is_true() {
 }
 
 #[test]
+fn the_page_on_fronts_is_true() {
+    run("docs/fronts.md");
+}
+
+#[test]
 fn the_page_on_fitting_is_true() {
     run("docs/fit.md");
 }

@@ -23,6 +23,7 @@ mod figure;
 mod fit;
 mod foreign;
 mod foresight;
+mod fronts;
 mod full_disk;
 mod fuzz;
 mod golden;

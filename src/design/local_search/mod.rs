@@ -29,6 +29,8 @@ pub struct SearchStep {
     pub score: f64,
     /// Area fraction.
     pub area: f64,
+    /// Charge on the electrodes in nC; 0 where the model does not compute it.
+    pub charge: f64,
     /// Number of simulated patterns so far.
     pub simulations: usize,
 }

@@ -7,7 +7,7 @@ use super::gains::{Change, Gains};
 use super::problem::{SearchProblem, SearchState};
 use super::squares::Squares;
 use super::{LocalOptimum, SearchStep, StartError};
-use deaflow_field::PredictError;
+use deaflow_field::{Field, PredictError};
 use deaflow_pattern::Pattern;
 
 /// Smaller gains are rounding errors of the solver: 0.25 nm for displacements of about 1 mm.
@@ -372,6 +372,7 @@ impl<'g> LocalSearch<'g> {
             value_mm: self.problem.value_mm(&self.state.fields),
             score: self.state.score,
             area: self.problem.constraints.area_fraction(&self.state.pattern),
+            charge: self.state.fields.iter().map(Field::charge).sum(),
             simulations: self.simulations,
         };
         (self.on_step)(&step);

@@ -8,7 +8,7 @@
 
 use super::aim::{Aim, PlacedAim, Subject, mean_along, rms_error};
 use super::error::GoalError;
-use super::measure::Measure;
+use super::measure::{Measure, SCALE_MM};
 use deaflow_field::{Field, REACTION_UNIT, Reactions, StateFields};
 use deaflow_pattern::{Membrane, Raster};
 
@@ -33,6 +33,8 @@ pub struct Goal {
     area_penalty: f64,
     /// Whether the penalty grows with scores above 1.
     has_strokes: bool,
+    /// What a nC of charge takes off the score.
+    charge_weight: f64,
 }
 
 impl Goal {
@@ -79,6 +81,7 @@ impl Goal {
             area,
             area_penalty,
             has_strokes: false,
+            charge_weight: 0.0,
         })
     }
 
@@ -88,6 +91,12 @@ impl Goal {
     #[must_use]
     pub fn with_strokes(self, has_strokes: bool) -> Self {
         Self { has_strokes, ..self }
+    }
+
+    /// The goal with a weight of the charge: what a nC takes off the score. Fields need to have the charge.
+    #[must_use]
+    pub fn with_charge_weight(self, charge_weight: f64) -> Self {
+        Self { charge_weight, ..self }
     }
 
     /// The target area fraction; `None` if the area is free.
@@ -163,7 +172,15 @@ impl Goal {
     /// The score of fields, independent of the area; larger is better.
     #[must_use]
     pub fn score(&self, fields: &[Field]) -> f64 {
-        self.score_of(&self.motions(fields))
+        let charge: f64 = fields.iter().map(Field::charge).sum();
+        self.score_of(&self.motions(fields)) - self.charge_weight * charge
+    }
+
+    /// What a score gains over the membrane at rest, in mm or mN: the displacement along the directions, or by how
+    /// much the targets are nearer.
+    #[must_use]
+    pub fn gain(&self, score: f64, states: usize) -> f64 {
+        SCALE_MM * (score - self.score(&vec![Field::zero(self.raster); states]))
     }
 
     /// The score of the motions of the aims; larger is better.
@@ -172,15 +189,18 @@ impl Goal {
         self.measure.score(&self.aims, motions)
     }
 
-    /// The derivative of [`Goal::score`] with respect to the displacement of each corner in each state, per mm.
+    /// The derivative of [`Goal::score`] with respect to the displacement of each corner in each state, per mm, and
+    /// with respect to the charge, per nC.
     #[must_use]
     pub fn slope(&self, fields: &[Field]) -> StateFields {
         let gradients = self.measure.gradients(&self.aims, &self.motions(fields));
         let pairs = self.aims.iter().zip(gradients);
-        self.slopes(
+        let slopes = self.slopes(
             fields,
             pairs.map(|(aim, gradient)| (aim, gradient.map(|g| aim.weight * g))),
-        )
+        );
+        let charged = slopes.into_iter().map(|slope| slope.with_charge(-self.charge_weight));
+        charged.collect()
     }
 
     /// The derivative of a quantity with respect to the displacements, given its `gradient` with respect to one

@@ -20,13 +20,12 @@ impl Search<'_> {
         let starts = self.starts();
         let mut optima: Vec<Pattern> = Vec::new();
         for member in 0..self.options.designs {
-            let best = match self.best_of(&self.problem(&optima)?, &starts, &|| self.progress.searched())? {
+            let best = match self.best_of(&self.problem(&optima)?, &starts, &self.report_step(), &|| {
+                self.progress.searched()
+            })? {
                 Ok(best) => best,
                 Err(_) if member > 0 => break,
-                Err(why) => {
-                    let (target, tried) = (self.target.name.clone(), starts.len());
-                    return Err(SearchError::NoStart { target, tried, why });
-                }
+                Err(why) => return Err(self.no_start(why)),
             };
             optima.push(best.pattern.clone());
             findings.add(Role::Optimum, member, self.options.units, best);
@@ -35,16 +34,17 @@ impl Search<'_> {
     }
 
     /// The best local optimum from several starts: the gradient is followed from all of them, and the best results are
-    /// refined by exchanges. `searched` is called after each start, and at the end.
+    /// refined by exchanges. `on_step` is called after each step, `searched` after each start, and at the end.
     pub(super) fn best_of(
         &self,
         problem: &SearchProblem<'_>,
         starts: &[Pattern],
+        on_step: &dyn Fn(&SearchStep),
         searched: &dyn Fn(),
     ) -> Result<Result<LocalOptimum, StartError>, SearchError> {
         let (mut followed, mut why) = (Vec::<LocalOptimum>::new(), StartError::NoPattern);
         for start in starts {
-            match problem.follow_gradient(start, &self.report_step())? {
+            match problem.follow_gradient(start, on_step)? {
                 Ok(optimum) => followed.push(optimum),
                 Err(StartError::NoField) => why = StartError::NoField,
                 Err(StartError::NoPattern) => {}
@@ -57,7 +57,7 @@ impl Search<'_> {
         followed.truncate(REFINED);
         let mut best: Option<LocalOptimum> = None;
         for first in followed {
-            let then = problem.refine(&first.pattern, &self.report_step())?.ok();
+            let then = problem.refine(&first.pattern, on_step)?.ok();
             let joined = then.map(|then| joined(first, then));
             best = best
                 .into_iter()
@@ -69,7 +69,7 @@ impl Search<'_> {
     }
 
     /// The start patterns: the intuitive design, an empty membrane, and random coarse patterns.
-    fn starts(&self) -> Vec<Pattern> {
+    pub(super) fn starts(&self) -> Vec<Pattern> {
         let (area, raster) = (self.target.area.fraction(), self.target.goal.raster());
         let drawn = |index: usize| match index {
             0 => self.intuitive_start(),

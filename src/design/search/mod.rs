@@ -2,6 +2,7 @@
 
 mod candidates;
 mod found;
+mod front;
 mod genetic;
 mod gradient;
 mod refine;
@@ -10,11 +11,13 @@ mod shortage;
 
 pub use candidates::{Candidate, CandidateAccuracy, DesignReferences, cheapest_evaluator};
 pub use found::{FoundDesign, Refinement, SearchResult};
+pub use front::{FoundFront, PointOutcome};
 
 use super::constraint::Constraints;
 use super::evolve::{EvolveError, Observer};
 use super::intuitive::Intuitive;
 use super::local_search::{SearchProblem, SearchStep, StartError};
+use super::objective::Goal;
 use super::options::{Method, SearchOptions};
 use super::target::Target;
 use deaflow_base::Stopped;
@@ -165,16 +168,24 @@ impl<'a> Search<'a> {
 
     /// The problem without margins and other designs, on a number of units along a side.
     fn problem_on(&self, units: usize) -> Result<SearchProblem<'a>, SearchError> {
-        Ok(SearchProblem::new(
-            self.elements.gradient()?,
-            &self.target.goal,
-            match units {
-                CELLS => self.constraints.membrane().raster.sides(),
-                units => [units; 2],
-            },
-            self.area_range(),
-            self.constraints,
-        ))
+        Ok(self.problem_of((self.elements.gradient()?, &self.target.goal), units, self.area_range()))
+    }
+
+    /// The same for a model, a goal and a range of the area fraction.
+    fn problem_of<'m>(
+        &self,
+        (model, goal): (&'m dyn Differentiable<StateFields>, &'m Goal),
+        units: usize,
+        area: (f64, f64),
+    ) -> SearchProblem<'m>
+    where
+        'a: 'm,
+    {
+        let units = match units {
+            CELLS => self.constraints.membrane().raster.sides(),
+            units => [units; 2],
+        };
+        SearchProblem::new(model, goal, units, area, self.constraints)
     }
 
     /// The allowed range of the area fraction.

@@ -71,7 +71,7 @@ impl Search<'_> {
             let mut stream = Stream::new(self.options.seed.0, "spread design", index);
             starts.extend(problem.perturb(leader, &mut stream)?);
         }
-        let found = self.best_of(&problem, &starts, &|| ())?;
+        let found = self.best_of(&problem, &starts, &self.report_step(), &|| ())?;
         if let Some(optimum) = found.ok().filter(|optimum| optimum.score > refined[at].1.score) {
             refined[at].1 = optimum;
         }

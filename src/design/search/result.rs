@@ -36,16 +36,7 @@ impl Search<'_> {
                 pattern,
             });
         }
-        let patterns: Vec<Pattern> = found.iter().map(|found| found.pattern.clone()).collect();
-        let fields = predictor.predict_some(&patterns)?;
-        let feasible = match self.feasibility()? {
-            Some(feasibility) => feasibility.feasible(&patterns)?,
-            None => vec![true; patterns.len()],
-        };
-        let rows = found.into_iter().zip(fields).zip(feasible);
-        let mut designs: Vec<FoundDesign> = rows
-            .map(|((found, fields), feasible)| self.design(found, fields, feasible))
-            .collect();
+        let mut designs = self.designs(found, predictor)?;
         report_shortage(&mut designs, self.options.designs, self.options.distance.to_f64());
         Ok(SearchResult {
             evaluator,
@@ -55,6 +46,24 @@ impl Search<'_> {
             evaluations: findings.evaluations,
             accuracies,
         })
+    }
+
+    /// Patterns with their fields and their status.
+    pub(super) fn designs(
+        &self,
+        found: Vec<FoundPattern>,
+        predictor: &dyn Predictor<StateFields>,
+    ) -> Result<Vec<FoundDesign>, SearchError> {
+        let patterns: Vec<Pattern> = found.iter().map(|found| found.pattern.clone()).collect();
+        let fields = predictor.predict_some(&patterns)?;
+        let feasible = match self.feasibility()? {
+            Some(feasibility) => feasibility.feasible(&patterns)?,
+            None => vec![true; patterns.len()],
+        };
+        let rows = found.into_iter().zip(fields).zip(feasible);
+        Ok(rows
+            .map(|((found, fields), feasible)| self.design(found, fields, feasible))
+            .collect())
     }
 
     fn design(&self, found: FoundPattern, fields: Option<StateFields>, feasible: bool) -> FoundDesign {

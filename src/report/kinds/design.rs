@@ -1,5 +1,6 @@
 //! Design stages: their evaluators, and the progress of each search.
 
+use super::front::{self, FoundFront};
 use crate::artifacts::{ArtifactReader, RunArtifacts};
 use crate::designs::membranes;
 use crate::drawing::{Axis, Chart, Mark, Series, Sheet};
@@ -34,18 +35,28 @@ impl Presenter for DesignPresenter {
         let evaluators = run.each(self.kind(), read)?.concat();
         let intervals = run.each(self.kind(), of_stage)?;
         let intervals: Vec<StageIntervals> = intervals.into_iter().flatten().collect();
-        Ok(vec![
+        let fronts = run.each(self.kind(), FoundFront::read)?;
+        let fronts: Vec<FoundFront> = fronts.into_iter().flatten().collect();
+        let found = Results::new("fronts", &fronts, fronts.iter().map(ToString::to_string))
+            .with_warnings(fronts.iter().flat_map(FoundFront::warnings).collect());
+        let mut results = vec![
             Results::new("evaluators", &evaluators, evaluators.iter().map(ToString::to_string)),
             Results::new(
                 "design_intervals",
                 &intervals,
                 intervals.iter().map(ToString::to_string),
             ),
-        ])
+        ];
+        // Results without fronts are as before.
+        results.extend((!fronts.is_empty()).then_some(found));
+        Ok(results)
     }
 
     fn headlines(&self, run: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
         run.each(self.kind(), |source| {
+            if let Some(front) = FoundFront::read(source)? {
+                return Ok(front.headline());
+            }
             let view = source.of(Designs::open(source.artifact))?;
             let searches = [source.of(generations(&view))?, source.of(steps(&view))?];
             let best = searches
@@ -65,10 +76,19 @@ impl Presenter for DesignPresenter {
     }
 
     fn figures(&self) -> Figures {
-        &[("evolution", evolution), ("best", best)]
+        &[("evolution", evolution), ("best", best), ("front", front::front)]
     }
 
     fn section(&self, page: &mut Page, run: &RunArtifacts<'_>) -> Result<(), ReportError> {
+        let fronts = run.each(self.kind(), front::charts)?.concat();
+        if !fronts.is_empty() {
+            page.section("Front");
+            page.line(
+                "The best design found for each area or charge, as predicted by the search, and the hypervolume of all of \
+                 them over the simulated patterns. With a target, the gain is by how much it is nearer than at rest.",
+            );
+            page.charts(&fronts);
+        }
         let charts = run.each(self.kind(), |source| {
             let view = source.of(Designs::open(source.artifact))?;
             let (generations, steps) = (source.of(generations(&view))?, source.of(steps(&view))?);

@@ -7,6 +7,7 @@ pub mod compare;
 pub mod design;
 pub mod evaluate;
 pub mod fit;
+mod front;
 pub mod measure;
 pub mod solve;
 pub mod table;

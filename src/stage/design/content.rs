@@ -1,7 +1,11 @@
 //! The content of the artifact of a design stage: one row per design, and the course of the searches.
 
-use deaflow_content::{Candidates, DesignRows, Designs, GENOME_UNITS, GradientSteps, History, LongTexts, Packed};
-use deaflow_design::{CandidateAccuracy, FoundDesign, GenerationReport, Refinement, SearchResult, UNITS};
+use deaflow_content::{
+    Candidates, DesignRows, Designs, Fronts, GENOME_UNITS, GradientSteps, History, LongTexts, Packed,
+};
+use deaflow_design::{
+    CandidateAccuracy, FoundDesign, FoundFront, Front, GenerationReport, PointOutcome, Refinement, SearchResult, UNITS,
+};
 use deaflow_pattern::Bits;
 use deaflow_scene::Scene;
 
@@ -31,9 +35,51 @@ pub fn designs(heading: Heading, found: SearchResult, scene: Scene, method: &str
         steps: steps(&name, &found.refinements),
         evaluations: vec![found.evaluations as u64],
         candidates: candidates(&name, &found.accuracies),
+        front: None,
         rows: rows(heading, found.designs, found.evaluator, scene.free_cells().as_ref()),
         scene,
         method: method.to_owned(),
+    }
+}
+
+/// Returns the content of the artifact of a front: each point is a target of its own, whose area is its limit. With
+/// `is_charge`, limits are charges and the area is free.
+pub fn front(heading: Heading, found: FoundFront, is_charge: bool, (scene, method): (Scene, &str)) -> Designs {
+    let costs = found.points.iter().map(|point| point.cost);
+    let charge = is_charge.then(|| costs.collect());
+    let simulations = found.history.last().map_or(0, |(count, _)| *count as u64);
+    let front = Fronts {
+        limit: found.limits.clone(),
+        outcome: LongTexts(found.outcomes.iter().map(outcome).collect()),
+        gain: found.points.iter().map(|point| point.value).collect(),
+        charge,
+        reference: vec![found.reference.cost],
+        simulations: found.history.iter().map(|(count, _)| *count as u64).collect(),
+        hypervolume: found.history.iter().map(|(_, reached)| *reached).collect(),
+    };
+    let mut designs = designs(heading, found.result, scene, method);
+    let (rows, steps) = (&mut designs.rows, &mut designs.steps);
+    for (at, member) in rows.member.iter_mut().enumerate() {
+        let limit = std::mem::take(member) as usize;
+        rows.name[at] = Front::point_name(limit);
+        if !is_charge {
+            rows.area_target[at] = found.limits[limit].to_string();
+        }
+    }
+    for (name, member) in steps.name.iter_mut().zip(&mut steps.member) {
+        *name = Front::point_name(std::mem::take(member) as usize);
+    }
+    designs.evaluations = vec![simulations];
+    designs.front = Some(front);
+    designs
+}
+
+/// The text is part of artifact digests.
+fn outcome(outcome: &PointOutcome) -> String {
+    match outcome {
+        PointOutcome::Found => "found".to_owned(),
+        PointOutcome::Dominated(other) => format!("{} is at least as good", Front::point_name(*other)),
+        PointOutcome::None(why) => format!("no design: each pattern {why}"),
     }
 }
 

@@ -54,7 +54,12 @@ impl DesignStage {
             for scene in resolved_states(&self.scene)? {
                 gradient.push(match response {
                     ResponseKind::Equilibrium => {
-                        Box::new(GradientEvaluator::new(&scene)?) as Box<dyn Differentiable + Send>
+                        let evaluator = GradientEvaluator::new(&scene)?;
+                        let front = self.task.front.as_ref();
+                        Box::new(match front.is_some_and(|front| front.cost.is_charge()) {
+                            true => evaluator.measuring_charge(),
+                            false => evaluator,
+                        }) as Box<dyn Differentiable + Send>
                     }
                     ResponseKind::After(time) => Box::new(ThreeSolves::new(&scene, time.value())?.gradient(&scene)?),
                     ResponseKind::Amplitude(frequency) => Box::new(amplitude_solver(

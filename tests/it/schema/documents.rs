@@ -356,6 +356,29 @@ properties: { sheet_resistance: 50 kOhm }",
   prestretch: 1 %, misregistration: 0.1 mm }",
 ];
 
+/// Adds a front of each objective, so that all kinds of objectives are among two.
+fn with_fronts(mut document: Value) -> Value {
+    let stages = document["stages"].as_object_mut().unwrap();
+    let designs = stages.values().filter(|stage| stage["kind"] == "design");
+    let of_targets = |stage: &Value| stage["targets"].as_array().cloned().unwrap_or_default();
+    let all = designs.flat_map(|stage| std::iter::once(stage.clone()).chain(of_targets(stage)));
+    let objectives: Vec<Value> = all.filter_map(|of| of.get("objective").cloned()).collect();
+    for (at, objective) in objectives.into_iter().enumerate() {
+        let mut front = json(
+            "{ kind: design, seed: 1, method: adjoint, units: 20, starts: 1, pareto: { points: 3, method: epsilon },
+              objectives: [{ area: least, within: [0.1, 20 %], reference: 0.5 }] }",
+        );
+        front["objectives"].as_array_mut().unwrap().insert(at % 2, objective);
+        stages.insert(format!("front{at}"), front);
+    }
+    if stages.contains_key("highest") {
+        let charge = "{ kind: design, seed: 1, pareto: { points: 3 }, objectives: [{ point: [25, 25], direction: 0 },
+          { charge: least, within: [1 uC, 2 uC], reference: 3 uC }] }";
+        stages.insert("charges".to_owned(), json(charge));
+    }
+    document
+}
+
 /// The documents of a kind.
 pub fn of(kind: Kind) -> Vec<Value> {
     match kind {
@@ -366,7 +389,8 @@ pub fn of(kind: Kind) -> Vec<Value> {
                 format!("  shaped{at}: {{ kind: patterns, edges: {edges}, shapes: [{{ group: 1, {shape} }}] }}\n")
             });
             let pipeline = PIPELINE.to_owned() + &stages.collect::<String>();
-            vec![json(&pipeline), json(DEVICE), json(CREEP), json(SWING)]
+            let all = [json(&pipeline), json(DEVICE), json(CREEP), json(SWING)];
+            all.map(with_fronts).to_vec()
         }
         Kind::Scene => {
             let laws = Stiffening::EXAMPLES.iter().map(|law| {

@@ -13,7 +13,7 @@ pub use qin2024::Qin2024;
 use super::aim::PlacedAim;
 
 /// The displacement in mm that has score 1: the upper end of the paper's deformation space.
-const SCALE_MM: f64 = 2.5;
+pub const SCALE_MM: f64 = 2.5;
 
 /// Every measure.
 pub const MEASURES: [&dyn Measure; 3] = [&Displacement, &Distance, &Qin2024];
