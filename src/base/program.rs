@@ -14,8 +14,8 @@ static BUILD: OnceLock<String> = OnceLock::new();
 
 static OWN_COMMAND: OnceLock<Vec<OsString>> = OnceLock::new();
 
-/// Sets the words that start the command line of deaflow, where it is part of another program. Only the first call has an
-/// effect.
+/// Sets the words that start the command line of deaflow, where it is part of another program. Only the first call has
+/// an effect.
 pub fn set_own_command(words: Vec<OsString>) {
     OWN_COMMAND.get_or_init(|| words);
 }

@@ -1,6 +1,7 @@
 //! The passes over elements that electrodes cover in part: their laminates, less the energy that is linear in the
 //! covered share, which the kernels compute. There are few such elements.
 
+use deaflow_base::is_interrupted;
 use deaflow_field::Order;
 use deaflow_pattern::Part;
 use deaflow_scene::Scene;
@@ -163,7 +164,7 @@ impl<'a, L: Material> Laminates<'a, L> {
 
     /// Computes −ψ · ∂R/∂S for the covered share of each cell, `[y][x]`. A change of a share also turns the normals of
     /// the cells around it. Of a cell that is covered or bare it is the slope towards a partial cover. `None` if a
-    /// laminate has no equilibrium.
+    /// laminate has no equilibrium, or after an interrupt.
     #[must_use]
     pub fn gradient(&self, u: &[f64], adjoint: &[f64]) -> Option<Vec<f64>> {
         match self.grid.order() {
@@ -180,6 +181,10 @@ impl<'a, L: Material> Laminates<'a, L> {
             .each_element()
             .filter(|at| grid.content(*at).part == Part::Membrane)
         {
+            // On large meshes this takes longer than the solution.
+            if is_interrupted() {
+                return None;
+            }
             let nodes = grid.nodes_of::<N>(at);
             let (gradients, adjoint) = (grid.gradients::<E, N>(at, &nodal(&nodes, u)), nodal(&nodes, adjoint));
             let work = |stresses: [Tensor<f64>; N]| -> f64 {

@@ -286,8 +286,8 @@ impl Pattern {
         }
     }
 
-    /// Like [`Pattern::of_coverage`], but keeps the shares if no cell is covered in part, so that a gradient is that with
-    /// respect to them.
+    /// Like [`Pattern::of_coverage`], but keeps the shares if no cell is covered in part, so that a gradient is that
+    /// with respect to them.
     #[must_use]
     pub fn of_shares(coverage: Coverage) -> Self {
         let coverage = Arc::new(coverage);

@@ -1,4 +1,4 @@
-//! The Python module `deaflow._deaflow`: what the package in `python/deaflow` cannot do in Python. Each function reads
+//! The Python module `deaflow._deaflow`: what the package in `src/python/package` cannot do in Python. Each function reads
 //! its arguments and calls what the command line calls.
 
 mod arrays;

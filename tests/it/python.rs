@@ -11,7 +11,7 @@ use super::common::{Transcript, Workspace, csv, files, readers, snapshot};
 pub fn install(folder: &Path) {
     let package = folder.join("deaflow");
     std::fs::create_dir(&package).unwrap();
-    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("python/deaflow");
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/python/package/deaflow");
     for entry in std::fs::read_dir(sources).unwrap() {
         let entry = entry.unwrap();
         if entry.file_type().unwrap().is_file() {
@@ -294,7 +294,7 @@ fn functions_of_other_frameworks_are_differentiable() {
         "--cache-dir",
         cache.to_str().unwrap(),
     ];
-    let sources = root.join("python/deaflow");
+    let sources = root.join("src/python/package/deaflow");
     let checked = run_by(
         &workspace,
         &python,

@@ -12,7 +12,7 @@ SCENE = deaflow.Scene(
     }
 )
 OPTIONS = {"elements_per_cell": 1, "tolerance": 1e-12}
-SHARES = np.random.default_rng(8).integers(200, 800, (2, 5, 5)) / 1000
+SHARES = np.random.default_rng(8).integers(200_000_000, 800_000_000, (2, 5, 5)) / 1e9
 WEIGHTS = np.random.default_rng(9).normal(size=(2, 6, 6, 2))
 EXPECTED = SCENE.displacement_gradient(SHARES, WEIGHTS, **OPTIONS)
 
@@ -29,7 +29,7 @@ def torch():
     assert np.array_equal(displacement.detach().numpy(), SCENE.solve(SHARES, **OPTIONS).displacement)
     assert np.array_equal(shares.grad.numpy(), EXPECTED)
     # Shares are rounded to 1e-9.
-    assert torch.autograd.gradcheck(solve, (shares[:1],), eps=1e-3, atol=1e-5, rtol=1e-4)
+    assert torch.autograd.gradcheck(solve, (shares[:1],), eps=1e-4, atol=1e-5, rtol=1e-3)
     # In single precision, and where there is no stable solution.
     assert solve(shares.float()).dtype == torch.float32
 
