@@ -16,7 +16,7 @@ use deaflow_fem::screening::resolve;
 use deaflow_field::{Mesh, Order};
 use deaflow_pattern::{DrawingOptions, Pattern};
 use deaflow_stage::direct;
-use deaflow_tolerance::{Device, Estimate, MOST_SAMPLES, Quantile, Source, Study, ToleranceError, Yield};
+use deaflow_tolerance::{Device, Estimate, Failure, MOST_SAMPLES, Quantile, Source, Study, ToleranceError, Yield};
 
 /// Shares of the variance below this are not listed for people.
 const LISTED: f64 = 0.005;
@@ -105,10 +105,10 @@ pub fn execute(arguments: &YieldArguments, output: &Output) -> Result<Exit, CliE
     read.notes().into_iter().for_each(|note| output.warn(note));
     let tolerances = read.tolerances;
     let scene = arguments.state.of(read.scene)?;
-    if !scene.states.is_empty() {
-        return Err(
-            CliError::bad_input("a yield is computed for one state of a device").help("choose a state: --state NAME")
-        );
+    let names: Vec<&str> = scene.states.iter().map(|(name, _)| name).collect();
+    if !names.is_empty() {
+        return Err(CliError::bad_input("a yield is computed for one state of a device")
+            .help(format!("choose a state with --state: {}", names.join(", "))));
     }
     let probe = arguments.point.on(&scene)?.ok_or_else(|| {
         CliError::bad_input("no point is given")
@@ -287,9 +287,12 @@ fn text(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Text {
             let what = failure.description();
             if count > 0 {
                 text.line(format!(
-                    "{}: {count} devices {what}; they count as failed, and not in the mean",
-                    one.file
+                    "{}: {count} of {} devices {what}; they count as failed, and not in the mean",
+                    one.file, result.samples
                 ));
+            }
+            if count > 0 && failure == Failure::Unstable && arguments.order == 1 {
+                text.line("bilinear elements overestimate the voltages at which stability is lost: use --order 2");
             }
         }
     }

@@ -12,7 +12,8 @@ arrays! {
     pub struct Yields, YieldsView {
         /// The designs: a row for each batch of devices of a design, in the order of the devices.
         batches: DeviceBatches = group("designs"),
-        /// How each device ended: `converged`, `unstable`, `short-circuit`, `shared-cell` or `not-solved`.
+        /// How each device ended: `converged`, `unstable`, `short-circuit`, `shared-cell`,
+        /// `breakdown` or `not-solved`.
         outcome: Vec<String> = array("outcome", "", [device]),
         /// Displacement along the target directions.
         displacement: Vec<f64> = array("displacement", "mm", [device]),

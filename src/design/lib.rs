@@ -41,7 +41,7 @@ pub use search::{
 };
 pub use selection::{DesignFilter, DesignLabel, SimulatedScore};
 pub use status::own_pattern_status;
-pub use target::{Area, CaseLabel, Target, Targets};
+pub use target::{Area, CaseLabel, SINGLE_NAME, Target, Targets};
 pub use task::DesignTask;
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ use deaflow_base::{
 use deaflow_scene::Scene;
 
 /// The name of the target if a stage has a single objective.
-const SINGLE_NAME: &str = "design";
+pub const SINGLE_NAME: &str = "design";
 
 /// Maximum length of a name; file names contain it.
 const MAX_LENGTH: usize = 60;

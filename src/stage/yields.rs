@@ -13,7 +13,7 @@ use serde_json::json;
 
 use deaflow_base::{Angle, Canonical, Declared, Fields, InputError, Length, Map, Node, Parameter, Seed, parameters};
 use deaflow_content::{ArtifactKind, DesignDevices, Designs, DeviceBatches, Samples, Yields};
-use deaflow_design::{Goal, Objective, PlannedDesign, ResponseKind};
+use deaflow_design::{Goal, Objective, PlannedDesign, ResponseKind, SINGLE_NAME};
 use deaflow_fem::screening::resolved_states;
 use deaflow_fem::{SolveOptions, WorkLimit};
 use deaflow_field::{Field, Mesh, Order};
@@ -104,10 +104,14 @@ impl Kind for YieldKind {
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
         let found = yields_of(artifact)?;
         // Of a target, the design that a search found.
-        let has_found = |name: &str| found.iter().any(|(one, _)| one.name == name && one.role.is_found());
-        let counts = |one: &DesignDevices| one.role.is_found() || !has_found(&one.name);
+        let is_found = |of: &DesignDevices| {
+            let same = |one: &DesignDevices| (&one.case, &one.name) == (&of.case, &of.name);
+            found.iter().any(|(one, _)| same(one) && one.role.is_found())
+        };
+        let counts = |one: &DesignDevices| one.role.is_found() || !is_found(one);
+        let names: Vec<String> = found.iter().map(|(one, _)| result_name(one)).collect();
         let rows = found.iter().enumerate().filter(|(_, (one, _))| counts(one));
-        let mut rows: Vec<(&str, usize)> = rows.map(|(row, (one, _))| (one.name.as_str(), row)).collect();
+        let mut rows: Vec<(&str, usize)> = rows.map(|(row, _)| (names[row].as_str(), row)).collect();
         // The best design of a target is the last one, which counts.
         let rank = |row: usize| {
             let result = &found[row].1;
@@ -153,6 +157,11 @@ impl Kind for YieldKind {
 
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         needed::no_edges_within_cells(stage, needs)?;
+        if let Some(scene) = stage.scene_from.filter(|_| stage.node.peek("tolerances").is_none()) {
+            return Err(scene
+                .error("a scene that was fitted has no `tolerances`")
+                .help("add `tolerances` to the yield stage"));
+        }
         let own = needed::count(needs, &[patterns::NAME]);
         if own > 1 {
             let message = format!("`needs` names {own} stages of kind `patterns`, whose patterns have the same names");
@@ -469,6 +478,15 @@ impl Stage for YieldStage {
     fn unstable(&self, artifact: &Artifact) -> Result<u64, StageError> {
         let found = Yields::open(artifact)?.designs()?;
         Ok(found.iter().filter(|one| one.drawn.is_none()).count() as u64)
+    }
+}
+
+/// Returns the name of a target in results: that of the case, if a single objective has no name of its own.
+fn result_name(design: &DesignDevices) -> String {
+    match (design.case.as_str(), design.name.as_str()) {
+        ("", name) => name.to_owned(),
+        (case, SINGLE_NAME) => case.to_owned(),
+        (case, name) => format!("{case} {name}"),
     }
 }
 

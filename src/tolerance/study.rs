@@ -23,6 +23,8 @@ words! {
         ShortCircuit = "short-circuit",
         /// Electrodes of two groups lie in one cell.
         SharedCell = "shared-cell",
+        /// The electric field exceeds the breakdown field, if that effect is simulated.
+        Breakdown = "breakdown",
         /// The limit of work was reached.
         Unsolved = "not-solved",
     }
@@ -35,7 +37,8 @@ impl Failure {
         match self {
             Self::Unstable => "have no stable state",
             Self::ShortCircuit => "have a short circuit between groups",
-            Self::SharedCell => "have two groups in one cell, which is not simulated (use smaller cells)",
+            Self::SharedCell => "have two groups in one cell and are not simulated (use smaller cells)",
+            Self::Breakdown => "have a field beyond breakdown",
             Self::Unsolved => "need more than the limit of work",
         }
     }
@@ -208,7 +211,11 @@ impl Study {
             Some(_) => Failure::Unstable,
             None => Failure::Unsolved,
         };
-        Ok(solver.simulation(pattern, &solution).stroke().ok_or(failure))
+        let simulation = solver.simulation(pattern, &solution);
+        match simulation.observation.breakdown_ratio {
+            Some(ratio) if ratio > 1.0 => Ok(Err(Failure::Breakdown)),
+            _ => Ok(simulation.stroke().ok_or(failure)),
+        }
     }
 }
 

@@ -212,7 +212,7 @@ fn a_stage_has_the_numbers_of_the_command_and_simulates_only_new_devices() {
     let report = workspace.run(&["report", "made.yaml", "-o", "out"]);
     assert_eq!(report.code, Some(0), "{}", report.stderr);
     let page = std::fs::read_to_string(workspace.path("out/index.html")).unwrap();
-    assert!(page.contains("Devices as they are made") && page.contains("Which tolerance decides"));
+    assert!(page.contains("Devices as they are made") && page.contains("Devices that reach a displacement"));
 }
 
 #[test]
@@ -260,6 +260,17 @@ stages:
         "60",
     );
     refused("stages.made.samples=1", "65536");
+    // Fields beyond breakdown are failures if they are simulated.
+    let set = "scene.effects={ dielectric_breakdown: { law: constant, field: 40 MV/m } }";
+    let ended = workspace.run(&["run", "made.yaml", "--json", "--set", set, "--until", "made"]);
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    let document = ended.json();
+    let design = &document["yields"][0]["designs"][0];
+    assert_eq!(design["failures"]["breakdown"], 40, "{design}");
+    assert!(
+        design["mean_mm"].is_null() && design["as_drawn_mm"].is_null(),
+        "{design}"
+    );
     workspace.write("half.csv", "1,0\n");
     refused("stages.own={ kind: patterns, files: [half.csv] }", "half.csv");
 }

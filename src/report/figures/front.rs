@@ -188,7 +188,7 @@ mod tests {
         assert_eq!(charts.len(), 2);
         let drawn = charts[0].figure().into_string();
         assert_eq!(drawn.matches("class=\"membrane\"").count(), 9, "{drawn}");
-        assert!(drawn.contains("front-9: 2.241 mm at area 36 %"), "{drawn}");
+        assert!(drawn.contains("front-9: 2.241 mm at area 36.0 %"), "{drawn}");
     }
 
     #[test]

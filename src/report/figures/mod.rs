@@ -25,7 +25,7 @@ pub(crate) use curves::curves_chart;
 pub(crate) use deformation::deformation_charts;
 pub(crate) use front::front_charts;
 pub(crate) use rounds::rounds_charts;
-pub(crate) use yields::yields_charts;
+pub(crate) use yields::reached_chart;
 
 pub use super::drawing::{Background, DeformedMembrane, FigureError};
 pub use accuracy::{Cost, FamilyCosts, accuracy_sheet, pareto_front};

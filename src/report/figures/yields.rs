@@ -23,40 +23,34 @@ const LISTED: f64 = 0.005;
 /// Width of the bars of a tolerance.
 const WIDTH: f64 = 0.7;
 
-/// Draws the charts below each other.
+/// Draws the share of devices that reach each displacement, and below it the shares of the variance.
 ///
 /// # Errors
 /// If there is no device that does not fail, or a displacement is not finite.
 pub fn yields_sheet(designs: &[DesignYields], wanted: Option<f64>) -> Result<Sheet, FigureError> {
-    let charts = yields_charts(designs, wanted)?;
-    Ok(Sheet::below(
-        charts.into_iter().map(|chart| Sheet::charts(1, &[chart])).collect(),
-    ))
+    let charts = [Some(reached_chart(designs, wanted)?), shares(designs)];
+    let charts = charts.into_iter().flatten().map(|chart| chart.with_size(SIZE));
+    Ok(Sheet::below(charts.map(|chart| Sheet::charts(1, &[chart])).collect()))
 }
 
-/// Draws the share of devices that reach each displacement, and the shares of the variance if there are any.
+/// Draws the share of devices that reach each displacement.
 ///
 /// # Errors
 /// As [`yields_sheet`].
-pub(crate) fn yields_charts(designs: &[DesignYields], wanted: Option<f64>) -> Result<Vec<Chart>, FigureError> {
+pub(crate) fn reached_chart(designs: &[DesignYields], wanted: Option<f64>) -> Result<Chart, FigureError> {
     let all = || designs.iter().flat_map(|design| &design.displacements);
     if all().next().is_none() || !all().all(|mm| mm.is_finite()) {
         return Err(FigureError::Data(
             "a figure of yields needs devices with finite displacements".into(),
         ));
     }
-    let charts = [Some(reached(designs, wanted)), shares(designs)];
-    Ok(charts
-        .into_iter()
-        .flatten()
-        .map(|chart| chart.with_size(SIZE))
-        .collect())
-}
-
-fn reached(designs: &[DesignYields], wanted: Option<f64>) -> Chart {
-    let all = designs.iter().flat_map(|design| &design.displacements);
-    let (low, high) = extent(all.chain(&wanted), (f64::INFINITY, f64::NEG_INFINITY));
+    let (low, high) = extent(all(), (f64::INFINITY, f64::NEG_INFINITY));
     let margin = (0.02 * (high - low)).max(1e-6);
+    // A displacement that is far from all devices would leave no room for these.
+    let is_near = |mm: &f64| (low - (high - low)..=high + (high - low)).contains(mm);
+    let wanted = wanted.filter(is_near);
+    let ends = [low, high].into_iter().chain(wanted);
+    let (low, high) = ends.fold((low, high), |(low, high), mm| (low.min(mm), high.max(mm)));
     let curve = |(design, colour): (&DesignYields, Colour)| {
         let mut sorted = design.displacements.clone();
         sorted.sort_by(f64::total_cmp);
@@ -77,7 +71,7 @@ fn reached(designs: &[DesignYields], wanted: Option<f64>) -> Chart {
         Axis::linear("Displacement [mm]", low - margin, high + margin),
         Axis::linear("Devices that reach it [%]", 0.0, 100.0),
     ];
-    Chart::new("Devices that reach a displacement", axes, series)
+    Ok(Chart::new("Devices that reach a displacement", axes, series))
 }
 
 /// Draws the shares of the variance, the largest of the first design first; `None` if there are none.

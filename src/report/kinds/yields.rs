@@ -7,7 +7,7 @@ use serde::Serialize;
 use crate::artifacts::{ArtifactReader, RunArtifacts};
 use crate::drawing::Sheet;
 use crate::error::ReportError;
-use crate::figures::{DesignYields, yields_charts, yields_sheet};
+use crate::figures::{DesignYields, reached_chart, yields_sheet};
 use crate::format::{mm, percents};
 use crate::html::{Column, Page};
 use crate::presenter::{Figures, Headline, Presenter, Results};
@@ -57,6 +57,9 @@ struct OfDesign {
     /// The same in words, the largest first.
     #[serde(skip)]
     ordered: Vec<(&'static str, f64)>,
+    /// Case and target.
+    #[serde(skip)]
+    target: (String, String),
     /// Why devices fail, in words.
     #[serde(skip)]
     described: Vec<String>,
@@ -83,6 +86,7 @@ struct Known {
 struct Share {
     probability: f64,
     value: Option<f64>,
+    interval: [Option<f64>; 2],
 }
 
 impl From<Estimate> for Known {
@@ -121,7 +125,8 @@ impl OfDesign {
     fn new(design: &DesignDevices, devices: &[Device], result: &Yield) -> Self {
         let quantile = |quantile: &deaflow_tolerance::Quantile| Share {
             probability: quantile.probability,
-            value: Some(quantile.value.value).filter(|value| value.is_finite()),
+            value: finite(quantile.value.value),
+            interval: quantile.value.interval.map(finite),
         };
         let mut ordered: Vec<(&'static str, f64)> = result
             .shares
@@ -142,6 +147,7 @@ impl OfDesign {
                 .iter()
                 .map(|(failure, count)| (failure.name(), *count))
                 .collect(),
+            target: (design.case.clone(), design.name.clone()),
             described: describe(result),
             shares: result
                 .shares
@@ -200,6 +206,11 @@ impl OfDesign {
     }
 }
 
+/// Returns a displacement; that of devices that fail is −∞.
+fn finite(value: f64) -> Option<f64> {
+    Some(value).filter(|value| value.is_finite())
+}
+
 /// Describes why devices fail.
 fn describe(result: &Yield) -> Vec<String> {
     let some = result.failures.iter().filter(|(_, count)| *count > 0);
@@ -221,15 +232,25 @@ impl Found {
         self.designs.iter().map(|design| design.line(self.wanted_mm)).collect()
     }
 
-    /// Returns the design of which most devices reach the displacement, of those that a search found if there are any.
-    fn best(&self) -> Option<&OfDesign> {
+    /// Returns the best design of each target, of those that a search found if there are any: that of which most
+    /// devices reach the displacement, then that with the largest mean.
+    fn best(&self) -> Vec<&OfDesign> {
         let has_found = self.designs.iter().any(|design| design.is_found);
-        let rank = |design: &OfDesign| {
-            let known = design.reached.or(design.mean_mm);
-            known.map_or(f64::NEG_INFINITY, |known| known.value)
-        };
-        let all = self.designs.iter().filter(|design| design.is_found || !has_found);
-        all.max_by(|one, other| rank(one).total_cmp(&rank(other)))
+        let value = |known: Option<Known>| known.map_or(f64::NEG_INFINITY, |known| known.value);
+        let mut best: Vec<&OfDesign> = Vec::new();
+        for design in self.designs.iter().filter(|design| design.is_found || !has_found) {
+            match best.iter_mut().find(|one| one.target == design.target) {
+                None => best.push(design),
+                Some(one) => {
+                    let [first, second] = [one.reached, design.reached].map(value);
+                    let [first_mean, second_mean] = [one.mean_mm, design.mean_mm].map(value);
+                    if (second, second_mean) > (first, first_mean) {
+                        *one = design;
+                    }
+                }
+            }
+        }
+        best
     }
 
     /// Returns the designs for a figure: those that are to be made, and others while there is room.
@@ -250,7 +271,7 @@ impl Found {
     }
 }
 
-const COLUMNS: [(&str, Column); 9] = [
+const COLUMNS: [(&str, Column); 10] = [
     ("design", Column::Text),
     ("as drawn, mm", Column::Number),
     ("mean, mm", Column::Number),
@@ -260,6 +281,7 @@ const COLUMNS: [(&str, Column); 9] = [
     ("95 %, mm", Column::Number),
     ("reach it", Column::Number),
     ("fail", Column::Number),
+    ("variance", Column::Text),
 ];
 
 fn row(design: &OfDesign) -> Vec<String> {
@@ -278,7 +300,12 @@ fn row(design: &OfDesign) -> Vec<String> {
         format!("{} ({low} to {high})", percents(reached.value))
     });
     let failed = percents(design.failures.values().sum::<usize>() as f64 / design.samples as f64);
-    first.into_iter().chain(quantiles).chain([reached, failed]).collect()
+    let variance = design.decisive().unwrap_or_else(none);
+    first
+        .into_iter()
+        .chain(quantiles)
+        .chain([reached, failed, variance])
+        .collect()
 }
 
 impl Presenter for YieldPresenter {
@@ -296,24 +323,25 @@ impl Presenter for YieldPresenter {
 
     fn headlines(&self, run: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
         let found = run.each(self.kind(), read)?;
-        let line = |found: &Found| {
-            let best = found.best()?;
+        let line = |found: &Found, best: &OfDesign| {
             let decisive = best.ordered.first().filter(|(_, share)| *share >= LISTED);
-            let decisive = decisive.map_or_else(String::new, |(name, share)| {
-                format!("; {name} makes {} of the variance", percents(*share))
-            });
-            let text = format!(
-                "{}: {}: {}{decisive}",
-                found.stage,
-                best.title,
-                best.main(found.wanted_mm)
-            );
-            Some(match best.as_drawn_mm {
+            let decisive = decisive.map(|(name, share)| format!("{name} makes {} of the variance", percents(*share)));
+            let parts: Vec<String> = [best.main(found.wanted_mm)]
+                .into_iter()
+                .chain(decisive)
+                .chain(best.described.iter().cloned())
+                .collect();
+            let text = format!("{}: {}: {}", found.stage, best.title, parts.join("; "));
+            match best.as_drawn_mm {
                 Some(_) => Headline::good(text),
-                None => Headline::bad(format!("{text}; it has no stable state as drawn")),
-            })
+                None => Headline::bad(format!("{text}; it fails as drawn")),
+            }
         };
-        Ok(found.iter().filter_map(line).collect())
+        let of_stage = |found: &Found| {
+            let lines = found.best().into_iter().map(|best| line(found, best));
+            lines.collect::<Vec<_>>()
+        };
+        Ok(found.iter().flat_map(of_stage).collect())
     }
 
     fn figures(&self) -> Figures {
@@ -326,7 +354,8 @@ impl Presenter for YieldPresenter {
             let drawn = found.drawn();
             let charts = match drawn.is_empty() {
                 true => Vec::new(),
-                false => source.drawn(yields_charts(&drawn, found.wanted_mm))?,
+                // The table has the shares of the variance.
+                false => vec![source.drawn(reached_chart(&drawn, found.wanted_mm))?],
             };
             Ok((found, charts))
         })?;
