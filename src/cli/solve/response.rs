@@ -241,7 +241,7 @@ fn content(
         add(&mut slope, one.slope.as_ref());
         for at in 0..frequencies.len() {
             let parts = match one.each.get(at) {
-                Some(AtFrequency::Response { real, imaginary }) => [Some(real), Some(imaginary)],
+                Some(AtFrequency::Response { real, imaginary }) => [Some(real), Some(imaginary.as_ref())],
                 Some(AtFrequency::Resonance | AtFrequency::NotSolved) | None => [None, None],
             };
             add(&mut real, parts[0]);

@@ -137,7 +137,7 @@ impl Search<'_> {
         // Without given ends, the largest limit is that of the best design of all.
         let first = match front.cost.within() {
             Some(_) => None,
-            None => Some(search.from_starts((last, f64::INFINITY), true)?),
+            None => Some(search.searched_from_starts((last, f64::INFINITY), true)?),
         };
         let largest = match &first {
             None => front.limits(0.0)[last],
@@ -225,7 +225,11 @@ impl FrontSearch<'_, '_> {
 
     /// The best design within a limit from the start patterns. The first of these searches has a step of the progress
     /// for each pattern, and one more.
-    fn from_starts(&self, (at, limit): (usize, f64), is_first: bool) -> Result<Result<Point, StartError>, SearchError> {
+    fn searched_from_starts(
+        &self,
+        (at, limit): (usize, f64),
+        is_first: bool,
+    ) -> Result<Result<Point, StartError>, SearchError> {
         let search = self.search;
         let searched = || {
             if is_first {
@@ -241,7 +245,12 @@ impl FrontSearch<'_, '_> {
     }
 
     /// A design within a limit from another one.
-    fn from_design(&self, at: usize, limit: f64, start: &Point) -> Result<Result<Point, StartError>, SearchError> {
+    fn searched_from_design(
+        &self,
+        at: usize,
+        limit: f64,
+        start: &Point,
+    ) -> Result<Result<Point, StartError>, SearchError> {
         match self.front.cost.is_charge() {
             true => self.within_charge(at, limit, start),
             false => self.follow((at, limit), &start.optimum.pattern, 0.0),
@@ -332,8 +341,8 @@ impl FrontSearch<'_, '_> {
                 (Some(known), _) => known,
                 // A design that is the best within a larger limit is so within this one.
                 (None, Some(before)) if before.at.cost <= limit + ROUNDING => Ok(before.clone()),
-                (None, Some(before)) => self.from_design(at, limit, before)?,
-                (None, None) => self.from_starts((at, limit), points.is_empty())?,
+                (None, Some(before)) => self.searched_from_design(at, limit, before)?,
+                (None, None) => self.searched_from_starts((at, limit), points.is_empty())?,
             };
             if !points.is_empty() {
                 self.search.progress.searched();
@@ -363,7 +372,7 @@ impl FrontSearch<'_, '_> {
             if let (Some((_, best)), Ok(point)) = (&best, &points[at])
                 && best.at.covers(&point.at)
                 && best.optimum.pattern != point.optimum.pattern
-                && let Ok(found) = self.from_design(at, limits[at], best)?
+                && let Ok(found) = self.searched_from_design(at, limits[at], best)?
             {
                 points[at] = Ok(found);
             }

@@ -73,7 +73,7 @@ pub enum AtFrequency {
         /// In phase with the voltage.
         real: Field,
         /// A quarter of a period ahead of the voltage.
-        imaginary: Field,
+        imaginary: Box<Field>,
     },
     /// An undamped natural frequency within rounding.
     Resonance,
@@ -295,7 +295,7 @@ impl WithMaterial for Respond<'_> {
         let at = |frequency: f64| match matrices.solve(solver.at(frequency), forces, probe) {
             Some(Solved::Response([real, imaginary])) => AtFrequency::Response {
                 real: field(&real),
-                imaginary: field(&imaginary),
+                imaginary: Box::new(field(&imaginary)),
             },
             Some(Solved::Resonance) => AtFrequency::Resonance,
             None => AtFrequency::NotSolved,
