@@ -10,7 +10,7 @@ use super::point::{PointArguments, Probe};
 use super::progress::Bar;
 use super::text::Text;
 use super::{CliError, Exit, Output, csv, table, write};
-use deaflow_base::{Dimension, Progress, Quantity, four_digits, is_interrupted, measured};
+use deaflow_base::{Dimension, Progress, Quantity, four_digits, is_interrupted};
 use deaflow_fem::SolveOptions;
 use deaflow_fem::screening::resolve;
 use deaflow_field::{Mesh, Order};
@@ -223,15 +223,6 @@ fn devices(found: &[Found], varying: &[Source]) -> Result<String, CliError> {
     csv::text(&header, rows)
 }
 
-/// A number with half of its interval, if there is one.
-fn with_interval(estimate: &Estimate) -> String {
-    let half = 0.5 * (estimate.interval[1] - estimate.interval[0]);
-    match half.is_finite() {
-        true => measured(estimate.value, half),
-        false => four_digits(estimate.value),
-    }
-}
-
 fn percent(share: f64) -> String {
     format!("{:.1} %", 100.0 * share)
 }
@@ -244,7 +235,11 @@ fn text(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Text {
     let mut overview = table::table(&header, &header[1..]).dispensable(&["median", "95 %"]);
     for one in found {
         let result = &one.result;
-        let mm = |estimate: &Option<Estimate>| estimate.as_ref().map_or_else(|| "-".to_owned(), with_interval);
+        let mm = |estimate: &Option<Estimate>| {
+            estimate
+                .as_ref()
+                .map_or_else(|| "-".to_owned(), Estimate::with_interval)
+        };
         let quantile = |quantile: &Quantile| match quantile.value.value.is_finite() {
             true => four_digits(quantile.value.value),
             false => "fails".to_owned(),
@@ -300,19 +295,6 @@ fn text(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Text {
 }
 
 fn document(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Value {
-    let estimate = |estimate: &Option<Estimate>| {
-        estimate
-            .as_ref()
-            .map(|one| json!({ "value": one.value, "interval": one.interval }))
-    };
-    // JSON has no infinity: devices that fail are null.
-    let quantile = |quantile: &Quantile| {
-        json!({
-            "probability": quantile.probability,
-            "value": quantile.value.value,
-            "interval": quantile.value.interval,
-        })
-    };
     let of_one = |(index, one): (usize, &Found)| {
         let result = &one.result;
         let shares = result
@@ -328,10 +310,10 @@ fn document(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Value
             "file": one.file,
             "samples": result.samples,
             "as_drawn_mm": one.nominal,
-            "mean_mm": estimate(&result.mean),
-            "standard_deviation_mm": estimate(&result.deviation),
-            "quantiles_mm": result.quantiles.iter().map(quantile).collect::<Vec<_>>(),
-            "yield": estimate(&result.reached),
+            "mean_mm": result.mean,
+            "standard_deviation_mm": result.deviation,
+            "quantiles_mm": result.quantiles,
+            "yield": result.reached,
             "failures": failures.collect::<serde_json::Map<_, _>>(),
             "shares": shares.collect::<serde_json::Map<_, _>>(),
         })

@@ -32,6 +32,20 @@ impl Attribute for String {
     }
 }
 
+impl Attribute for f64 {
+    fn into_text(self) -> Option<String> {
+        Some(self.to_string())
+    }
+
+    fn from_text(name: &'static str, text: Option<&str>) -> Result<Self, Fault> {
+        let text = required(name, text)?;
+        text.parse().map_err(|source| Fault::Attribute {
+            name,
+            source: AttributeError::Number(source),
+        })
+    }
+}
+
 /// Types that are stored as YAML.
 macro_rules! yaml {
     ($($type:ty),*) => {$(

@@ -77,6 +77,9 @@ pub enum AttributeError {
     /// Invalid JSON.
     #[error(transparent)]
     Json(#[from] serde_json::Error),
+    /// An invalid number.
+    #[error(transparent)]
+    Number(#[from] std::num::ParseFloatError),
 }
 
 /// An error of an element.

@@ -3,6 +3,7 @@
 use super::error::Fault;
 use super::macros::arrays;
 use super::part::LongTexts;
+use deaflow_field::OutcomeKind;
 use deaflow_pattern::{Pattern, Role};
 use deaflow_scene::{Effects, Scene, Tolerances};
 use deaflow_store::StoreError;
@@ -27,7 +28,7 @@ arrays! {
         /// The tolerances.
         tolerances: Tolerances = attribute("tolerances"),
         /// The displacement that devices have to reach in mm, if there is one.
-        wanted: Option<String> = attribute("wanted_mm"),
+        wanted: Option<f64> = attribute("wanted_mm"),
     }
 }
 
@@ -121,7 +122,8 @@ impl YieldsView<'_> {
                     member: batches.member[batch],
                     units: batches.units[batch],
                     pattern: batches.patterns[batch].clone(),
-                    drawn: (batches.drawn_outcome[batch] == "converged").then_some(batches.drawn[batch]),
+                    drawn: (batches.drawn_outcome[batch] == OutcomeKind::Converged.name())
+                        .then_some(batches.drawn[batch]),
                     outcome: Vec::new(),
                     displacement: Vec::new(),
                     deviations: Vec::new(),

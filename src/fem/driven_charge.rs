@@ -2,8 +2,8 @@
 //!
 //! With the electric energy −e(u, S) of the membrane at the voltage V, the charge is Q = 2e/V. For an ideal dielectric
 //! it is V times the capacitance, C = ∫ S ε λp² g²/H dX. Of groups with lower voltages, it is that which the strongest
-//! one would need for the same energy. Q is linear in the activity S, so dQ/dS is the charge of a fully active cell, and
-//! what follows from the motion: the adjoint of ∂Q/∂u, which are the electric forces times 2/V.
+//! one would need for the same energy. Q is linear in the activity S, so dQ/dS is the charge of a fully active cell,
+//! and what follows from the motion: the adjoint of ∂Q/∂u, which are the electric forces times 2/V.
 
 use deaflow_field::Order;
 use deaflow_pattern::{Part, Pattern};

@@ -309,8 +309,8 @@ impl MembraneSolver {
     /// Returns the gradient of J = Σ weights · u, with u in mm at the cell corners, with respect to the activity of
     /// each cell, `[y][x]`, which varies between 0 and 1: the covered share if electrodes cover parts of cells. `None`
     /// if the solution is not converged, or if the energy is not linear in the activity: with wrinkling, a fringe field
-    /// or a prescribed charge. The [reactions](Field::reactions) of `weights` are those of the forces of sides in mN, and
-    /// its [charge](Field::charge) that of the charge in nC.
+    /// or a prescribed charge. The [reactions](Field::reactions) of `weights` are those of the forces of sides in mN,
+    /// and its [charge](Field::charge) that of the charge in nC.
     #[must_use]
     pub fn gradient(&self, pattern: &Pattern, solution: &MeshSolution, weights: &Field) -> Option<Vec<f64>> {
         let is_charged = self.scene.drive.charge.is_some();

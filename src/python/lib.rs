@@ -1,5 +1,5 @@
-//! The Python module `deaflow._deaflow`: what the package in `src/python/package` cannot do in Python. Each function reads
-//! its arguments and calls what the command line calls.
+//! The Python module `deaflow._deaflow`: what the package in `src/python/package` cannot do in Python. Each function
+//! reads its arguments and calls what the command line calls.
 
 mod arrays;
 mod error;

@@ -113,14 +113,12 @@ impl Kind for YieldKind {
         let rows = found.iter().enumerate().filter(|(_, (one, _))| counts(one));
         let mut rows: Vec<(&str, usize)> = rows.map(|(row, _)| (names[row].as_str(), row)).collect();
         // The best design of a target is the last one, which counts.
-        let rank = |row: usize| {
-            let result = &found[row].1;
-            result
-                .reached
-                .or(result.mean)
-                .map_or(f64::NEG_INFINITY, |known| known.value)
-        };
-        rows.sort_by(|one, other| rank(one.1).total_cmp(&rank(other.1)));
+        let rank = |row: usize| found[row].1.rank();
+        rows.sort_by(|one, other| {
+            rank(one.1)
+                .partial_cmp(&rank(other.1))
+                .unwrap_or(std::cmp::Ordering::Equal)
+        });
         let all = |value: fn(&Yield) -> Option<f64>| -> Vec<f64> {
             let value = |(_, result): &(DesignDevices, Yield)| value(result).unwrap_or(f64::NAN);
             found.iter().map(value).collect()
@@ -208,11 +206,16 @@ impl Kind for YieldKind {
             let goal = objective.and_then(|objective| goal(&objective, &scene));
             goal.map_err(|error| node("point").error(error))?;
         }
-        Ok(Box::new(YieldStage {
+        let stage = YieldStage {
             parameters,
             tolerances,
             scene,
+            batches: Vec::new(),
             ready: OnceLock::new(),
+        };
+        Ok(Box::new(YieldStage {
+            batches: stage.planned(),
+            ..stage
         }))
     }
 }
@@ -233,6 +236,8 @@ struct YieldStage {
     parameters: YieldParameters,
     tolerances: Tolerances,
     scene: Scene,
+    /// The devices of each batch, and the parameters of its key.
+    batches: Vec<(Range<u64>, Canonical)>,
     /// Set up by the first batch for all batches.
     ready: OnceLock<Ready>,
 }
@@ -273,20 +278,15 @@ impl YieldStage {
         always.into_iter().chain(point)
     }
 
-    /// The devices of each batch.
-    fn batches(&self) -> impl Iterator<Item = Range<u64>> {
-        let samples = self.parameters.samples;
-        (0..samples)
-            .step_by(BATCH as usize)
-            .map(move |first| first..(first + BATCH).min(samples))
-    }
-
-    fn parameters_of(&self, batch: &Range<u64>) -> Canonical {
-        let devices = [
-            ("first", batch.start.into()),
-            ("devices", (batch.end - batch.start).into()),
-        ];
-        Canonical::map(self.common().chain(devices))
+    /// Returns the devices of each batch, and the parameters of its key.
+    fn planned(&self) -> Vec<(Range<u64>, Canonical)> {
+        let (samples, common) = (self.parameters.samples, self.common().collect::<Vec<_>>());
+        let batch = |first: u64| {
+            let batch = first..(first + BATCH).min(samples);
+            let devices = [("first", first.into()), ("devices", (batch.end - first).into())];
+            (batch, Canonical::map(common.iter().cloned().chain(devices)))
+        };
+        (0..samples).step_by(BATCH as usize).map(batch).collect()
     }
 
     fn ready(&self) -> Result<&Ready, StageError> {
@@ -387,30 +387,31 @@ impl Stage for YieldStage {
 
     fn plan(&self, inputs: &[Input]) -> Plan {
         let parts = inputs.iter().flat_map(|input| &input.parts);
-        let chunk = |(digest, batch): (Option<_>, Range<u64>)| Chunk {
-            parameters: self.parameters_of(&batch),
-            inputs: vec![digest],
-            samples: batch.end - batch.start,
+        let chunks = |(digest, _): &(Option<_>, u64)| {
+            let chunk = |(batch, parameters): &(Range<u64>, Canonical)| Chunk {
+                parameters: parameters.clone(),
+                inputs: vec![*digest],
+                samples: batch.end - batch.start,
+            };
+            self.batches.iter().map(chunk).collect::<Vec<_>>()
         };
-        Plan::Chunks(
-            parts
-                .flat_map(|(digest, _)| self.batches().map(move |batch| (*digest, batch)))
-                .map(chunk)
-                .collect(),
-        )
+        Plan::Chunks(parts.flat_map(chunks).collect())
     }
 
     fn pieces(&self, inputs: u64) -> u64 {
-        inputs * self.parameters.samples.div_ceil(BATCH)
+        inputs * self.batches.len() as u64
     }
 
     fn build(&self, job: &Job<'_>) -> Result<Object, StageError> {
         let own = |chunk: &Chunk| {
-            self.batches()
-                .find(|batch| self.parameters_of(batch) == chunk.parameters)
+            self.batches
+                .iter()
+                .find(|(_, parameters)| *parameters == chunk.parameters)
         };
-        let batch = job.chunk.and_then(own);
-        let batch = batch.ok_or_else(|| StageError::failed("the batch is not one of this stage's"))?;
+        let (batch, _) = job
+            .chunk
+            .and_then(own)
+            .ok_or_else(|| StageError::failed("the batch is not one of this stage's"))?;
         let [input] = job.inputs else {
             return Err(StageError::failed(
                 "a batch of a yield stage reads one part of an input",
@@ -494,10 +495,7 @@ fn result_name(design: &DesignDevices) -> String {
 fn yields_of(artifact: &Artifact) -> Result<Vec<(DesignDevices, Yield)>, StageError> {
     let view = Yields::open(artifact)?;
     let varying = Source::varying(&view.tolerances().read()?);
-    let wanted = view.wanted().read()?.map(|text| text.parse());
-    let wanted = wanted
-        .transpose()
-        .map_err(|error| StageError::in_artifact(artifact, error))?;
+    let wanted = view.wanted().read()?;
     let of_one = |design: DesignDevices| {
         let devices = Device::of_rows(&design.outcome, &design.displacement, &design.deviations);
         let devices = devices.ok_or_else(|| StageError::in_artifact(artifact, "its devices have unknown outcomes"))?;

@@ -1,6 +1,8 @@
 //! What samples say: mean, deviation, quantiles, yield and which tolerance matters, each with an interval.
 
+use deaflow_base::{four_digits, measured};
 use deaflow_linalg::{Mat, eigen};
+use serde::Serialize;
 use statrs::distribution::{Binomial, DiscreteCDF};
 
 use crate::device::Source;
@@ -20,7 +22,7 @@ const NONE: f64 = 1e-9;
 const POWERS: usize = 3;
 
 /// A number with its interval of 95 %.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Estimate {
     /// The number.
     pub value: f64,
@@ -28,12 +30,25 @@ pub struct Estimate {
     pub interval: [f64; 2],
 }
 
-/// A displacement that a share of the devices does not reach. Devices that fail count as −∞.
-#[derive(Clone, Copy, Debug, PartialEq)]
+impl Estimate {
+    /// Returns the number with half of its interval, if that is known.
+    #[must_use]
+    pub fn with_interval(&self) -> String {
+        let half = 0.5 * (self.interval[1] - self.interval[0]);
+        match half.is_finite() {
+            true => measured(self.value, half),
+            false => four_digits(self.value),
+        }
+    }
+}
+
+/// A displacement that a share of the devices does not reach. Devices that fail count as −∞, which is null in JSON.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Quantile {
     /// The share.
     pub probability: f64,
     /// The displacement in mm, with the order statistics that contain it; −∞ for devices that fail.
+    #[serde(flatten)]
     pub value: Estimate,
 }
 
@@ -61,6 +76,12 @@ impl Yield {
     #[must_use]
     pub fn failed(&self) -> usize {
         self.failures.iter().map(|(_, count)| count).sum()
+    }
+
+    /// Returns by what designs are ranked: the share that reaches the displacement, then the mean.
+    #[must_use]
+    pub fn rank(&self) -> [f64; 2] {
+        [self.reached, self.mean].map(|known| known.map_or(f64::NEG_INFINITY, |known| known.value))
     }
 
     /// Returns the number of devices that fail for a reason.

@@ -35,7 +35,8 @@ const JUDGED: [&str; 8] = [
 const OWN: [&str; 7] = [
     "stages.own={ kind: patterns, files: [own.csv] }",
     "stages.beside={ kind: verify, needs: [climbed, own], elements_per_cell: 1 }",
-    "stages.made={ kind: yield, needs: [climbed], samples: 8, wanted: 1 mm, tolerances: { thickness: 3 %, mask: 0.3 mm }, seed: 1 }",
+    "stages.made={ kind: yield, needs: [climbed], samples: 8, wanted: 1 mm, seed: 1, \
+     tolerances: { thickness: 3 %, mask: 0.3 mm } }",
     "stages.labels={ kind: import, files: [labels.csv] }",
     "stages.pulled={ kind: measure, files: [{ file: pulled.csv, test: uniaxial, sigma: 3 % }] }",
     "stages.fitted={ kind: fit, needs: [pulled], laws: [neo-hookean] }",

@@ -228,7 +228,8 @@ fn designs_are_made_and_what_a_stage_cannot_simulate_is_refused() {
 name: made
 scene: scene.yaml
 stages:
-  best: { kind: design, method: adjoint, units: 20, starts: 1, seed: 1, objective: { point: [25 mm, 25 mm], direction: 0 deg } }
+  best: { kind: design, method: adjoint, units: 20, starts: 1, seed: 1,
+    objective: { point: [25 mm, 25 mm], direction: 0 deg } }
   made: { kind: yield, needs: [best], samples: 40, wanted: 2 mm, seed: 1 }
   checked: { kind: verify, needs: [best], elements_per_cell: 1 }
 ",

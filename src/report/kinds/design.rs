@@ -84,8 +84,8 @@ impl Presenter for DesignPresenter {
         if !fronts.is_empty() {
             page.section("Front");
             page.line(
-                "The best design found for each area or charge, as predicted by the search, and the hypervolume of all of \
-                 them over the simulated patterns. With a target, the gain is by how much it is nearer than at rest.",
+                "The best design found for each area or charge, as predicted by the search, and the hypervolume of all \
+                 of them over the simulated patterns. With a target, the gain is by how much it is nearer than at rest.",
             );
             page.charts(&fronts);
         }

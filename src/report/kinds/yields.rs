@@ -12,10 +12,9 @@ use crate::format::{mm, percents};
 use crate::html::{Column, Page};
 use crate::presenter::{Figures, Headline, Presenter, Results};
 use crate::summary::design_title;
-use deaflow_base::{four_digits, measured};
 use deaflow_content::{DesignDevices, Yields};
 use deaflow_pattern::Role;
-use deaflow_tolerance::{Device, Estimate, Source, Yield};
+use deaflow_tolerance::{Device, Estimate, Quantile, Source, Yield};
 
 /// Presents yield stages.
 pub struct YieldPresenter;
@@ -44,12 +43,12 @@ struct OfDesign {
     as_drawn_mm: Option<f64>,
     /// Number of devices.
     samples: usize,
-    mean_mm: Option<Known>,
-    standard_deviation_mm: Option<Known>,
-    quantiles_mm: Vec<Share>,
+    mean_mm: Option<Estimate>,
+    standard_deviation_mm: Option<Estimate>,
+    quantiles_mm: Vec<Quantile>,
     /// The share of the devices that reach the wanted displacement.
     #[serde(rename = "yield")]
-    reached: Option<Known>,
+    reached: Option<Estimate>,
     /// Number of devices that fail, by reason.
     failures: BTreeMap<&'static str, usize>,
     /// Shares of the variance by tolerance.
@@ -60,6 +59,9 @@ struct OfDesign {
     /// Case and target.
     #[serde(skip)]
     target: (String, String),
+    /// [`Yield::rank`].
+    #[serde(skip)]
+    rank: [f64; 2],
     /// Why devices fail, in words.
     #[serde(skip)]
     described: Vec<String>,
@@ -74,36 +76,10 @@ struct OfDesign {
     displacements: Vec<f64>,
 }
 
-/// A number with its interval of 95 %.
-#[derive(Clone, Copy, Debug, Serialize)]
-struct Known {
-    value: f64,
-    interval: [f64; 2],
-}
-
-/// A displacement that a share of the devices does not reach; `None` if these fail.
-#[derive(Debug, Serialize)]
-struct Share {
-    probability: f64,
-    value: Option<f64>,
-    interval: [Option<f64>; 2],
-}
-
-impl From<Estimate> for Known {
-    fn from(estimate: Estimate) -> Self {
-        Self {
-            value: estimate.value,
-            interval: estimate.interval,
-        }
-    }
-}
-
 fn read(source: &ArtifactReader<'_>) -> Result<Found, ReportError> {
     let view = source.of(Yields::open(source.artifact))?;
     let varying = Source::varying(&source.of(view.tolerances().read())?);
-    let wanted = source.of(view.wanted().read())?;
-    let wanted_mm = wanted.map(|text| text.parse::<f64>().map_err(|error| source.wrong(error.to_string())));
-    let wanted_mm = wanted_mm.transpose()?;
+    let wanted_mm = source.of(view.wanted().read())?;
     let of_one = |design: DesignDevices| {
         let devices = Device::of_rows(&design.outcome, &design.displacement, &design.deviations);
         let devices = devices.ok_or_else(|| source.wrong("its devices have unknown outcomes"))?;
@@ -123,11 +99,6 @@ fn read(source: &ArtifactReader<'_>) -> Result<Found, ReportError> {
 
 impl OfDesign {
     fn new(design: &DesignDevices, devices: &[Device], result: &Yield) -> Self {
-        let quantile = |quantile: &deaflow_tolerance::Quantile| Share {
-            probability: quantile.probability,
-            value: finite(quantile.value.value),
-            interval: quantile.value.interval.map(finite),
-        };
         let mut ordered: Vec<(&'static str, f64)> = result
             .shares
             .iter()
@@ -138,16 +109,17 @@ impl OfDesign {
             title: design_title(&design.case, &design.name, design.member, design.role),
             as_drawn_mm: design.drawn,
             samples: result.samples,
-            mean_mm: result.mean.map(Known::from),
-            standard_deviation_mm: result.deviation.map(Known::from),
-            quantiles_mm: result.quantiles.iter().map(quantile).collect(),
-            reached: result.reached.map(Known::from),
+            mean_mm: result.mean,
+            standard_deviation_mm: result.deviation,
+            quantiles_mm: result.quantiles.clone(),
+            reached: result.reached,
             failures: result
                 .failures
                 .iter()
                 .map(|(failure, count)| (failure.name(), *count))
                 .collect(),
             target: (design.case.clone(), design.name.clone()),
+            rank: result.rank(),
             described: describe(result),
             shares: result
                 .shares
@@ -174,7 +146,7 @@ impl OfDesign {
     }
 
     fn spread(&self) -> String {
-        let known = |known: &Option<Known>| known.map_or_else(|| "none".to_owned(), with_interval);
+        let known = |known: &Option<Estimate>| known.map_or_else(|| "none".to_owned(), |known| known.with_interval());
         format!(
             "mean {}, deviation {} mm",
             known(&self.mean_mm),
@@ -206,25 +178,11 @@ impl OfDesign {
     }
 }
 
-/// Returns a displacement; that of devices that fail is −∞.
-fn finite(value: f64) -> Option<f64> {
-    Some(value).filter(|value| value.is_finite())
-}
-
 /// Describes why devices fail.
 fn describe(result: &Yield) -> Vec<String> {
     let some = result.failures.iter().filter(|(_, count)| *count > 0);
     some.map(|(failure, count)| format!("{count} of {} devices {}", result.samples, failure.description()))
         .collect()
-}
-
-/// Writes a number with half of its interval.
-fn with_interval(known: Known) -> String {
-    let half = 0.5 * (known.interval[1] - known.interval[0]);
-    match half.is_finite() {
-        true => measured(known.value, half),
-        false => four_digits(known.value),
-    }
 }
 
 impl Found {
@@ -236,18 +194,12 @@ impl Found {
     /// devices reach the displacement, then that with the largest mean.
     fn best(&self) -> Vec<&OfDesign> {
         let has_found = self.designs.iter().any(|design| design.is_found);
-        let value = |known: Option<Known>| known.map_or(f64::NEG_INFINITY, |known| known.value);
         let mut best: Vec<&OfDesign> = Vec::new();
         for design in self.designs.iter().filter(|design| design.is_found || !has_found) {
             match best.iter_mut().find(|one| one.target == design.target) {
                 None => best.push(design),
-                Some(one) => {
-                    let [first, second] = [one.reached, design.reached].map(value);
-                    let [first_mean, second_mean] = [one.mean_mm, design.mean_mm].map(value);
-                    if (second, second_mean) > (first, first_mean) {
-                        *one = design;
-                    }
-                }
+                Some(one) if design.rank > one.rank => *one = design,
+                Some(_) => {}
             }
         }
         best
@@ -286,7 +238,7 @@ const COLUMNS: [(&str, Column); 10] = [
 
 fn row(design: &OfDesign) -> Vec<String> {
     let none = || "–".to_owned();
-    let known = |known: &Option<Known>| known.map_or_else(none, with_interval);
+    let known = |known: &Option<Estimate>| known.map_or_else(none, |known| known.with_interval());
     let first = [
         design.title.clone(),
         design.as_drawn_mm.map_or_else(none, mm),
@@ -294,7 +246,10 @@ fn row(design: &OfDesign) -> Vec<String> {
         known(&design.standard_deviation_mm),
     ];
     let quantiles = design.quantiles_mm.iter();
-    let quantiles = quantiles.map(|quantile| quantile.value.map_or_else(|| "fails".to_owned(), mm));
+    let quantiles = quantiles.map(|quantile| match quantile.value.value.is_finite() {
+        true => mm(quantile.value.value),
+        false => "fails".to_owned(),
+    });
     let reached = design.reached.map_or_else(none, |reached| {
         let [low, high] = reached.interval.map(percents);
         format!("{} ({low} to {high})", percents(reached.value))

@@ -129,13 +129,16 @@ stages:
   taught: { kind: verify, needs: [judged], rounds: 3, update: { network: qin2024, epochs: 2, patience: 1, batch: 4, optimizer: muon,
     learning_rate: 0.001, weight_decay: 0, gradient_norm: 1, symmetry: none, max_weight: 0.2, auxiliary_weight: 0.1, verified_weight: 16, without: [audited], seed: 9 } }
   exact: { kind: verify, needs: [rotation, own], accuracy: 10 um, history: { at: [1 s] }, scene: { from: law } }
-  made: { kind: yield, needs: [design, highest], samples: 20, wanted: 2 mm, seed: 1, elements_per_cell: 2, order: 2, tolerances: { voltage: 1 %,
-    shear_modulus: { relative: 5 %, distribution: lognormal }, thickness: { relative: 3 %, distribution: normal }, mask: 0.1 mm,
-    misregistration: [0.1 mm, 0.1 mm], lost_cells: 0.2 % }, scene: { from: law } }
+  made: { kind: yield, needs: [design, highest], samples: 20, wanted: 2 mm, seed: 1, elements_per_cell: 2, order: 2,
+    tolerances: { voltage: 1 %, shear_modulus: { relative: 5 %, distribution: lognormal },
+      thickness: { relative: 3 %, distribution: normal }, mask: 0.1 mm, misregistration: [0.1 mm, 0.1 mm],
+      lost_cells: 0.2 % }, scene: { from: law } }
   masks: { kind: yield, needs: [own], point: [25 mm, 25 mm], direction: 0 deg, seed: 1,
-    tolerances: { voltage: { relative: 1 %, distribution: normal }, shear_modulus: 5 %, thickness: 3 %, misregistration: 0.1 mm,
-      permittivity: { relative: 2 %, distribution: normal }, prestretch: { relative: 1 %, distribution: normal } } }
-  shifted: { kind: yield, needs: [own], point: [25 mm, 25 mm], direction: 0 deg, seed: 1, tolerances: { permittivity: 2 %, prestretch: 1 % } }
+    tolerances: { voltage: { relative: 1 %, distribution: normal }, shear_modulus: 5 %, thickness: 3 %,
+      misregistration: 0.1 mm, permittivity: { relative: 2 %, distribution: normal },
+      prestretch: { relative: 1 %, distribution: normal } } }
+  shifted: { kind: yield, needs: [own], point: [25 mm, 25 mm], direction: 0 deg, seed: 1,
+    tolerances: { permittivity: 2 %, prestretch: 1 % } }
   pulled: { kind: measure, absolute: true, files: [{ file: tests/it/schema/pulled.csv, test: uniaxial, sigma: 3 % }] }
   seen: { kind: measure, files: [
     { file: tests/it/schema/field.csv, test: field, pattern: tests/it/schema/own.csv, voltage: 4 kV, coordinates: deformed, scale: 21.3 um/px,
