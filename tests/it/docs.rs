@@ -154,6 +154,31 @@ fn links_lead_somewhere() {
     }
 }
 
+#[test]
+fn tasks_lead_to_commands_that_are_run() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let index = std::fs::read_to_string(root.join("docs/how-do-i.md")).unwrap();
+    let tasks: Vec<&str> = index
+        .lines()
+        .filter(|line| line.starts_with("- ") && !line.contains('°'))
+        .collect();
+    assert!(tasks.len() >= 40, "{} tasks", tasks.len());
+    for link in tasks.iter().flat_map(|task| markdown::links(task)) {
+        let (path, anchor) = link.split_once('#').unwrap_or((link, ""));
+        let page = path
+            .strip_prefix("../")
+            .map_or_else(|| format!("docs/{path}"), str::to_owned);
+        let test = format!("run(\"{page}\");");
+        assert!(include_str!("docs.rs").contains(&test), "{link}: {page} is not run");
+        let text = std::fs::read_to_string(root.join(&page)).unwrap();
+        let section = markdown::section(&text, anchor);
+        let is_run = |block: &Block| {
+            matches!(block.language.as_str(), "sh" | "python") && block.directive("not run").is_none()
+        };
+        assert!(blocks(&section).iter().any(is_run), "{link}: no command that is run");
+    }
+}
+
 /// All figures of the documentation together, bytes: they are fetched with every clone.
 const MOST_FIGURES: u64 = 1_200_000;
 

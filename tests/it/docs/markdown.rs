@@ -62,6 +62,30 @@ pub fn links(text: &str) -> Vec<&str> {
         .collect()
 }
 
+/// What stands below the heading of an anchor, up to the next heading of its level; all without an anchor.
+pub fn section(text: &str, anchor: &str) -> String {
+    if anchor.is_empty() {
+        return text.to_owned();
+    }
+    let (mut own, mut open, mut kept) = (None, false, String::new());
+    for line in text.lines() {
+        open ^= line.starts_with("```");
+        let level = line.chars().take_while(|&c| c == '#').count();
+        if level > 0 && !open {
+            match own {
+                Some(started) if level <= started => break,
+                None if anchors(line).contains(anchor) => own = Some(level),
+                _ => {}
+            }
+        }
+        if own.is_some() {
+            kept.push_str(line);
+            kept.push('\n');
+        }
+    }
+    kept
+}
+
 /// What links can name after `#`.
 pub fn anchors(text: &str) -> BTreeSet<String> {
     let headings = text.lines().filter(|line| line.starts_with('#'));
