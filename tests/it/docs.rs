@@ -172,9 +172,8 @@ fn tasks_lead_to_commands_that_are_run() {
         assert!(include_str!("docs.rs").contains(&test), "{link}: {page} is not run");
         let text = std::fs::read_to_string(root.join(&page)).unwrap();
         let section = markdown::section(&text, anchor);
-        let is_run = |block: &Block| {
-            matches!(block.language.as_str(), "sh" | "python") && block.directive("not run").is_none()
-        };
+        let is_run =
+            |block: &Block| matches!(block.language.as_str(), "sh" | "python") && block.directive("not run").is_none();
         assert!(blocks(&section).iter().any(is_run), "{link}: no command that is run");
     }
 }
