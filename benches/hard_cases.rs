@@ -1,6 +1,6 @@
 //! Patterns and scenes that are difficult for simulators, with known answers if there are any.
 //!
-//! `cargo bench --bench hard_cases > docs/hard-cases.md` writes the whole page.
+//! `cargo bench --bench hard_cases` prints a page of Markdown; docs/accuracy.md has a summary.
 
 #[allow(dead_code, reason = "other benchmarks take the effects one by one")]
 mod effect_set;
@@ -17,9 +17,7 @@ use effect_set::{THREE_TERMS, all_with, gent, ogden};
 const INTRODUCTION: &str = "# Hard cases
 
 Patterns and scenes that are difficult for simulators: features of one cell, patterns that are nearly empty or
-nearly full, loads close to and beyond the loss of stability, low and high prestretch. This page is the output of
-
-    cargo bench --bench hard_cases > docs/hard-cases.md
+nearly full, loads close to and beyond the loss of stability, low and high prestretch.
 
 Each outcome is either a stable and elliptic equilibrium, or a reason with the two voltages between which stability is
 lost. The tests `fem::tests::hard` and `fem::tests::paths` recompute residuals and the inertia of the tangent for cases
@@ -36,7 +34,7 @@ for the others an independent analysis with one element per cell of unknown orde
 const ABOUT_EFFECTS: &str = "\
 All patterns above at 45 kPa and 3, 6, 9, 20 and 50 kV, one bilinear element per cell, with a stiffening law, a fringe
 field, wrinkling, permittivity that decreases with stretch, and stiff electrodes. A solve that exceeds the
-[work limit](effects.md#work-limit) ends as `work-limit`.";
+work limit (docs/effects.md) ends as `work-limit`.";
 
 fn scattered(share: f64, seed: u64) -> Pattern {
     let mut stream = Stream::new(seed, "hard cases", 0);

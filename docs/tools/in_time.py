@@ -1,4 +1,4 @@
-"""Compares the screening of effects in time with histories and responses: the tables of docs/effects.md.
+"""Compares the screening of effects in time with histories and responses: the numbers in docs/effects.md.
 
     python3 docs/tools/in_time.py [DEAFLOW]
 

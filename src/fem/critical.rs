@@ -4,7 +4,8 @@
 //! cent around the corners of electrodes, where the solution is singular and the error decreases only about linearly
 //! with the element size. The remaining change, relative to that between two meshes, therefore depends on the pattern,
 //! from a hundredth to nearly one. The estimate subtracts a middle share, and its error covers the rest;
-//! `docs/effects.md` lists the patterns from which the shares were determined, on eight biquadratic elements per cell.
+//! `docs/effects.md` names some of the 50 patterns from which the shares were determined, on eight biquadratic elements
+//! per cell.
 
 use deaflow_field::{MESH_OVERESTIMATE, Mesh};
 

@@ -169,7 +169,7 @@ fn on_mesh(scene: &Scene, mesh: Mesh, pattern: &Pattern, found: &CriticalVoltage
     Some(patient.limit_between(pattern, [0.995 * low, 1.01 * high])?.voltage)
 }
 
-/// Prints the table of critical voltages in docs/effects.md for other patterns and scenes, in an hour of one core:
+/// Prints stated and true critical voltages, as in docs/effects.md, of other patterns, in an hour of one core:
 /// `cargo test --release --lib stated_errors_cover_the_limits_of_eight_elements -- --ignored --nocapture`
 #[test]
 #[ignore = "an hour of one core"]
