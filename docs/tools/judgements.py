@@ -1,6 +1,6 @@
 """Compares searches that evaluate all or only the best patterns of a generation: `chord:2`, ten seeds, four goals.
 
-`python3 docs/tools/judgements.py [PROGRAM]` needs h5py and numpy, and prints the table of docs/design.md; smaller F is better.
+`python3 docs/tools/judgements.py [PROGRAM]` needs h5py and numpy, and prints the numbers of docs/design.md; smaller F is better.
 The default PROGRAM is target/release/deaflow.
 """
 import pathlib, subprocess, sys, tempfile, time

@@ -83,11 +83,6 @@ fn the_page_on_fitting_is_true() {
 }
 
 #[test]
-fn the_page_from_tables_to_a_design_is_true() {
-    run("docs/bench.md");
-}
-
-#[test]
 fn the_page_on_published_results_is_true() {
     run("docs/published.md");
 }

@@ -231,7 +231,7 @@ fn files_that_are_no_models_are_refused() {
     }
 }
 
-/// Puts the seal of an artifact at the head of a file, as docs/file-formats.md describes it: the seal does not say who
+/// Puts the seal of an artifact at the head of a file, as docs/store.md describes it: the seal does not say who
 /// wrote the rest.
 pub fn seal(path: &std::path::Path, content: &str) {
     let mut bytes = fs::read(path).unwrap();
