@@ -231,6 +231,9 @@ arrays! {
         rows: DesignRows = group(""),
         /// Predicted mean displacement along the target directions; in mN for a `reaction`, as in all values.
         value: Vec<f64> = array("value", "mm", [row]),
+        /// Value of a `robust` objective: the worst, or the mean less some standard deviations, of the masks. Of other
+        /// objectives `value`.
+        robust: Option<Vec<f64>> = array("robust", "mm", [row]),
         /// Fitness, smaller is better.
         fitness: Vec<f64> = array("fitness", "1", [row]),
         /// The genetic algorithm.

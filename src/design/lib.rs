@@ -9,6 +9,7 @@ mod front;
 mod genome;
 mod intuitive;
 mod local_search;
+mod masks;
 mod objective;
 mod operators;
 mod options;
@@ -20,7 +21,9 @@ mod target;
 mod task;
 mod text;
 
-pub use constraint::{ConstraintError, ConstraintParameters, Constraints, DesignDomain, Limits, Sides, Violations};
+pub use constraint::{
+    ConstraintError, ConstraintParameters, Constraints, DesignDomain, Limits, Pad, Sides, Violations,
+};
 pub use evolve::{
     CheckpointError, Evolution, EvolveError, EvolveOptions, EvolveProblem, GenerationReport, Observer, OptionsError,
     Stop, Winner, evolve, first_generation,
@@ -29,9 +32,10 @@ pub use front::{Cost, Front, FrontMethod, FrontObjective, FrontPoint, LeastArea,
 pub use genome::{Genome, UNITS};
 pub use intuitive::Intuitive;
 pub use local_search::{LocalOptimum, SearchProblem, SearchStep, StartError};
+pub use masks::WithMasks;
 pub use objective::{
-    AREA_PENALTY, Aim, BodyMarkers, Displacement, Distance, Goal, GoalError, MEASURES, Measure, Motion, Objective,
-    PlacedAim, Qin2024, ResponseKind, RoughScore, Subject, value_unit,
+    AREA_PENALTY, Aim, BodyMarkers, Criterion, Displacement, Distance, Goal, GoalError, MEASURES, Masks, Measure,
+    Motion, Objective, PlacedAim, Qin2024, ResponseKind, RoughScore, Subject, value_unit,
 };
 pub use options::{Method, SearchOptions};
 pub use planned::PlannedDesign;

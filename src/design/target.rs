@@ -6,12 +6,12 @@ use std::fmt;
 use serde_json::json;
 
 use super::front::{Front, FrontObjective, Pareto};
-use super::objective::{Goal, GoalError, Objective};
+use super::objective::{Goal, GoalError, Masks, Objective};
 use deaflow_base::{
     Canonical, Decimal, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, is_plain_name,
     parameters,
 };
-use deaflow_scene::Scene;
+use deaflow_scene::{Scene, Tolerances};
 
 /// The name of the target if a stage has a single objective.
 pub const SINGLE_NAME: &str = "design";
@@ -73,6 +73,8 @@ pub struct Target {
     pub area: Area,
     /// Objective and area, in the scene.
     pub goal: Goal,
+    /// The masks that count, if the objective is robust.
+    pub masks: Option<Masks>,
 }
 
 fn objective_or_targets(fields: Fields) -> Fields {
@@ -146,6 +148,26 @@ impl Targets {
         Front::of(self.objectives.as_deref()?, self.pareto.as_ref())
     }
 
+    /// Takes standard deviations of masks that are not given from the tolerances of a scene.
+    #[must_use]
+    pub fn with_tolerances(self, tolerances: Option<&Tolerances>) -> Self {
+        let with = |objective: Objective| objective.with_tolerances(tolerances);
+        let of_target = |target: NamedTarget| NamedTarget {
+            objective: with(target.objective),
+            ..target
+        };
+        let of_front = |one: FrontObjective| match one {
+            FrontObjective::Value(objective) => FrontObjective::Value(with(objective)),
+            cost @ FrontObjective::Cost(_) => cost,
+        };
+        Self {
+            objective: self.objective.map(with),
+            targets: self.targets.map(|all| all.into_iter().map(of_target).collect()),
+            objectives: self.objectives.map(|both| both.into_iter().map(of_front).collect()),
+            ..self
+        }
+    }
+
     /// The targets in a scene. `penalty` is the weight of the area in the fitness, `map` the source of the targets. A
     /// target without an area has that of the stage.
     ///
@@ -156,15 +178,25 @@ impl Targets {
             let located = |error: GoalError| match (node, &error) {
                 // `--set` may have set the point alone.
                 (Some(node), GoalError::Point { .. }) => node.peek("point").unwrap_or(node).error(error.to_string()),
+                (Some(node), GoalError::Masks(_)) => node
+                    .peek("robust")
+                    .unwrap_or(node)
+                    .error(error.to_string())
+                    .help("for example `robust: { worst: [-0.3 mm, 0 mm, 0.3 mm] }`"),
                 (Some(node), _) => node.error(error.to_string()),
                 (None, _) => InputError::new(error.to_string()),
             };
             let goal = objective.goal(scene, area.fraction(), penalty).map_err(located)?;
+            let masks = objective.masks(scene.membrane()).map_err(located)?;
             Ok(Target {
                 name,
                 objective,
                 area,
-                goal,
+                goal: match &masks {
+                    Some(masks) => goal.with_masks(masks.offsets.len(), masks.criterion),
+                    None => goal,
+                },
+                masks,
             })
         };
         if let Some(objective) = self.objective {

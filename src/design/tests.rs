@@ -4,7 +4,7 @@ use deaflow_field::{CORNERS, Differentiable, Field, PredictError, Predictor, Wit
 use deaflow_pattern::{CELLS, Pattern, Raster};
 
 /// A device of which all points move along x by Σ worth · load + ½ bend (Σ spread · load)² mm, summed over the active
-/// cells, where `load` belongs to the group of a cell.
+/// cells, where `load` belongs to the group of a cell, and counts by the share that electrodes cover.
 #[derive(Clone)]
 pub struct TestDevice {
     pub worth: Vec<f64>,
@@ -31,6 +31,16 @@ impl TestDevice {
     }
 
     fn sums(&self, pattern: &Pattern) -> (f64, f64) {
+        if let Some(coverage) = pattern.coverage() {
+            let shares = coverage.shares();
+            let sum = |each: &[f64]| {
+                each.iter()
+                    .zip(&shares)
+                    .map(|(value, share)| value * share)
+                    .sum::<f64>()
+            };
+            return (self.loads[0] * sum(&self.worth), self.loads[0] * sum(&self.spread));
+        }
         let active = pattern.cells().iter().enumerate().filter(|(_, group)| **group != 0);
         active.fold((0.0, 0.0), |(value, spread), (cell, &group)| {
             let load = self.loads[usize::from(group) - 1];

@@ -87,7 +87,8 @@ impl Differentiable for GradientEvaluator {
         pattern: &Pattern,
         slope: &dyn Fn(&Field) -> Field,
     ) -> Result<Option<WithGradient>, PredictError> {
-        if pattern.coverage().is_some() {
+        // The laminates of cut cells are those of the scene itself.
+        if pattern.coverage().is_some() && self.plain.is_some() {
             let with = "a search of designs";
             return Err(PredictError::failed(SetupError::Coverage { with }));
         }

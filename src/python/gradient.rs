@@ -34,6 +34,9 @@ pub fn objective(text: &str, scene: &Scene) -> Result<Goal, CliError> {
         ResponseKind::After(_) => return Err(refused("time").into()),
         ResponseKind::Amplitude(_) => return Err(refused("frequency").into()),
     }
+    if objective.is_robust() {
+        return Err(refused("robust").into());
+    }
     Ok(objective
         .goal(scene, None, 0.0)
         .map_err(|error| root.error(error.to_string()))?)

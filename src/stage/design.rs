@@ -25,18 +25,18 @@ use deaflow_design::{
     SearchOptions, Target, Targets,
 };
 use deaflow_fem::effects::breakdown_ratio_at_rest;
-use deaflow_fem::{Method as Evaluation, Swing, ThreeSolves, no_pattern_limit, revision_of};
+use deaflow_fem::{Method as Evaluation, Swing, ThreeSolves, check_covered_cells, no_pattern_limit, revision_of};
 use deaflow_field::REACTION_UNIT;
 use deaflow_orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_pattern::Symmetries;
-use deaflow_scene::{MOST_STATES, Scene};
+use deaflow_scene::{MOST_STATES, Scene, Tolerances};
 use deaflow_store::{Artifact, Object};
 use deaflow_surrogate::Surrogate;
 
 use content::Heading;
 use elements::{ForTarget, TargetModels};
 pub(super) use evaluators::amplitude_solver;
-use evaluators::{EvaluatorChoice, evaluators};
+use evaluators::{EvaluatorChoice, evaluators, with_masks};
 use follow::Follow;
 use intervals::Calibrated;
 
@@ -148,6 +148,9 @@ impl Kind for DesignKind {
             &found,
             &[(value, &view.value().read()?), ("area", &rows.area().read()?)],
         );
+        if let Some(robust) = view.robust().read()? {
+            results.extend(of_targets(&found, &[("robust", &robust)]));
+        }
         if view.front().is_there()? {
             let charges = view.front().charge().read()?;
             let name = if charges.is_some() {
@@ -219,6 +222,7 @@ impl Kind for DesignKind {
         let here = (DesignParameters::WHAT, &keys()[..]);
         stage.refuse_misplaced(here, "constraints", &ConstraintParameters::keys())?;
         let map = stage.fields(DesignParameters::WHAT, &keys())?;
+        let tolerances = tolerances_of(scene)?;
         let scene = scene::read_all_states(stage, scene)?;
         let DesignParameters {
             case,
@@ -226,6 +230,7 @@ impl Kind for DesignKind {
             targets,
             options,
         } = DesignParameters::of_stage(&map)?;
+        let targets = targets.with_tolerances(tolerances.as_ref());
         let task = DesignTask::read((targets, &options), (&map, stage), &scene)?;
         task.check(&options, (&map, stage), &scene)?;
         check_breakdown_margin(&task, &scene, map.optional("constraints").unwrap_or(stage))?;
@@ -241,6 +246,9 @@ impl Kind for DesignKind {
             }
             if target.objective.is_reaction() {
                 refuse_networks(&map)?;
+            }
+            if target.masks.is_some() {
+                check_robust(&task, &scene, evaluator, &map)?;
             }
         }
         Ok(Box::new(DesignStage {
@@ -260,6 +268,41 @@ fn keys() -> Vec<&'static str> {
     [&["kind", "needs", "constraints"][..], &DesignParameters::keys()].concat()
 }
 
+/// Reads the tolerances of the scene of a stage.
+fn tolerances_of(scene: Option<&Node>) -> Result<Option<Tolerances>, InputError> {
+    Ok(scene.map(Tolerances::of_scene).transpose()?.flatten())
+}
+
+/// Refuses a robust objective where cells that are covered in part are not simulated.
+fn check_robust(task: &DesignTask, scene: &Scene, evaluator: EvaluatorChoice, map: &Map<'_>) -> Result<(), InputError> {
+    let node = |key: &str| map.optional(key);
+    let objective = ["objective", "targets", "objectives"].into_iter().find_map(node);
+    let refused = |at: Option<&Node>, message: String, help: &str| match at {
+        Some(node) => Err(node.error(message).help(help.to_owned())),
+        None => Err(map.error(message).help(help.to_owned())),
+    };
+    if let Some(needs) = node("needs").filter(|needs| !needs.list("needs").is_ok_and(<[Node]>::is_empty)) {
+        let message = "networks cannot predict cells that are covered in part, and a target is `robust`".to_owned();
+        return refused(Some(needs), message, "remove `needs`");
+    }
+    if !matches!(
+        evaluator,
+        EvaluatorChoice::Auto | EvaluatorChoice::Elements(Evaluation::Newton)
+    ) {
+        let message =
+            format!("`evaluator: {evaluator}` cannot predict cells that are covered in part, and a target is `robust`");
+        return refused(node("evaluator"), message, "allowed: auto, newton");
+    }
+    if task.front.as_ref().is_some_and(|front| front.cost.is_charge()) {
+        let message = "`robust` cannot be used with `charge: least`".to_owned();
+        return refused(objective, message, "use `area: least`");
+    }
+    scene.in_states().iter().try_for_each(|(_, state)| {
+        check_covered_cells(state)
+            .or_else(|error| refused(objective, error.to_string(), "remove `robust`, or the effect"))
+    })
+}
+
 /// Returns the designs that a stage will search.
 ///
 /// # Errors
@@ -270,6 +313,7 @@ pub(super) fn planned(stage: &StageDeclaration<'_>) -> Result<Vec<PlannedDesign>
     let DesignParameters {
         case, targets, options, ..
     } = DesignParameters::of_stage(&map)?;
+    let targets = targets.with_tolerances(tolerances_of(stage.scene)?.as_ref());
     let task = DesignTask::read((targets, &options), (&map, stage.node), &scene)?;
     Ok(task.planned(stage.name, case.as_ref(), &options))
 }
@@ -678,10 +722,14 @@ impl Stage for DesignStage {
             let designs = content::front(self.heading(target), found, front.cost.is_charge(), searched);
             return Ok(designs.object_in(target.goal.unit()));
         }
-        let found = search.run(|| evaluators(self.evaluator, &scene, (response, &target.goal), networks));
+        let found = search.run(|| match &target.masks {
+            Some(masks) => with_masks(&scene, masks),
+            None => evaluators(self.evaluator, &scene, (response, &target.goal), networks),
+        });
         let found = found.map_err(help)?;
         job.measure(searched, start.elapsed().as_secs_f64());
-        let mut designs = content::designs(self.heading(target), found, self.scene.clone(), method);
+        let is_robust = self.task.targets.iter().any(|target| target.masks.is_some());
+        let mut designs = content::designs(self.heading(target), found, is_robust, (self.scene.clone(), method));
         if let Some(calibrated) = calibrated {
             let intervals = calibrated.intervals(&target.goal, &designs.rows.patterns)?;
             designs.rows.interval = Some(intervals);

@@ -1,10 +1,10 @@
 //! The scene and the pattern of one device.
 
 use deaflow_base::{Decimal, Length, Stress, words};
+use deaflow_pattern::MaskOffsets;
 use deaflow_scene::{Distribution, Scene, Spread, Tolerances};
 
 use crate::error::ToleranceError;
-use crate::mask::Offsets;
 
 /// Number of normally distributed deviations of a device.
 pub(crate) const SOURCES: usize = Source::ALL.len();
@@ -138,13 +138,13 @@ pub(crate) fn scene(scene: &Scene, tolerances: &Tolerances, deviations: &[f64; S
 }
 
 /// Returns how the electrodes of a device differ from those drawn.
-pub(crate) fn offsets(tolerances: &Tolerances, deviations: &[f64; SOURCES]) -> Offsets {
+pub(crate) fn offsets(tolerances: &Tolerances, deviations: &[f64; SOURCES]) -> MaskOffsets {
     let [.., deviation, x, y] = *deviations;
     let shift = |axis: usize, deviation: f64| {
         let both = tolerances.misregistration.as_ref();
         both.map_or(0.0, |both| both.0[axis].value() * deviation)
     };
-    Offsets {
+    MaskOffsets {
         wider_mm: tolerances.mask.map_or(0.0, |mask| mask.value() * deviation),
         shift_mm: [shift(0, x), shift(1, y)],
     }

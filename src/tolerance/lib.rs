@@ -8,7 +8,6 @@
 
 mod device;
 mod error;
-mod mask;
 mod sampling;
 mod statistics;
 mod study;

@@ -5,13 +5,12 @@ use std::ops::Range;
 use deaflow_base::words;
 use deaflow_fem::{MembraneSolver, SetupError, SolveOptions, WorkLimit, check_covered_cells};
 use deaflow_field::Field;
-use deaflow_pattern::Pattern;
+use deaflow_pattern::{Fabricated, Pattern, fabricated};
 use deaflow_scene::{Scene, Tolerances};
 use rayon::prelude::*;
 
 use crate::device::{self, SOURCES, Source};
 use crate::error::ToleranceError;
-use crate::mask::{Made, made};
 use crate::sampling;
 
 words! {
@@ -185,10 +184,10 @@ impl Study {
                 let membrane = any.membrane();
                 let lost = sampling::lost(self.seed, index, membrane.raster.cells(), lost_cells(&self.tolerances));
                 let offsets = device::offsets(&self.tolerances, deviations);
-                match made(pattern, any.parts().as_deref(), membrane, &offsets, &lost)? {
-                    Made::Pattern(pattern) => pattern,
-                    Made::ShortCircuit => return Ok(Err(Failure::ShortCircuit)),
-                    Made::SharedCell => return Ok(Err(Failure::SharedCell)),
+                match fabricated(pattern, any.parts().as_deref(), membrane, &offsets, &lost)? {
+                    Fabricated::Pattern(pattern) => pattern,
+                    Fabricated::ShortCircuit => return Ok(Err(Failure::ShortCircuit)),
+                    Fabricated::SharedCell => return Ok(Err(Failure::SharedCell)),
                 }
             }
             _ => pattern.clone(),

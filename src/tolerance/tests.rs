@@ -3,11 +3,10 @@
 use deaflow_base::{Document, Stream, Time};
 use deaflow_fem::{SolveOptions, WorkLimit};
 use deaflow_field::Mesh;
-use deaflow_pattern::{Membrane, Pattern, Raster};
+use deaflow_pattern::{Fabricated, MaskOffsets, Membrane, Pattern, Raster, fabricated};
 use deaflow_scene::{Scene, Tolerances};
 use std::path::Path;
 
-use crate::mask::{Made, Offsets, made};
 use crate::sampling::deviations;
 use crate::statistics::Yield;
 use crate::study::{Device, Failure, Study};
@@ -24,12 +23,12 @@ fn half() -> Pattern {
 }
 
 fn shares_of(pattern: &Pattern, wider_mm: f64, shift_mm: [f64; 2]) -> Option<Vec<f64>> {
-    match made(pattern, None, membrane(), &Offsets { wider_mm, shift_mm }, &LOST).unwrap() {
-        Made::Pattern(pattern) => Some(match pattern.coverage() {
+    match fabricated(pattern, None, membrane(), &MaskOffsets { wider_mm, shift_mm }, &LOST).unwrap() {
+        Fabricated::Pattern(pattern) => Some(match pattern.coverage() {
             Some(coverage) => coverage.shares(),
             None => pattern.cells().iter().map(|&cell| f64::from(cell)).collect(),
         }),
-        Made::ShortCircuit | Made::SharedCell => None,
+        Fabricated::ShortCircuit | Fabricated::SharedCell => None,
     }
 }
 
@@ -136,20 +135,20 @@ fn groups_that_touch_are_a_short_circuit() {
     let near = Pattern::from_groups(Raster::PAPER, |x, _| {
         [1, 0, 2][usize::from(x > 24) + usize::from(x > 25)]
     });
-    let offsets = Offsets {
+    let offsets = MaskOffsets {
         wider_mm: 0.45,
         shift_mm: [0.0; 2],
     };
-    let shared = made(&near, None, membrane(), &offsets, &LOST).unwrap();
-    assert_eq!(shared, Made::SharedCell);
+    let shared = fabricated(&near, None, membrane(), &offsets, &LOST).unwrap();
+    assert_eq!(shared, Fabricated::SharedCell);
     // Where electrodes touch elsewhere, that is worse.
     let both = Pattern::from_groups(Raster::PAPER, |x, y| match y {
         0..25 => near.group(x, y),
         _ => 1 + u8::from(x > 24),
     });
     assert_eq!(
-        made(&both, None, membrane(), &offsets, &LOST).unwrap(),
-        Made::ShortCircuit
+        fabricated(&both, None, membrane(), &offsets, &LOST).unwrap(),
+        Fabricated::ShortCircuit
     );
     let narrow = shares_of(
         &Pattern::from_groups(Raster::PAPER, |x, _| 1 + u8::from(x > 24)),
@@ -300,11 +299,11 @@ fn nothing_that_varies_and_what_does_not_fit_are_refused() {
     assert_eq!(of(Scene::vhb4910(), "{ voltage: 0 % }"), Some(ToleranceError::None));
     assert_eq!(of(Scene::vhb4910(), "{ lost_cells: 1 % }"), None);
     let drawn = study(Scene::vhb4910(), "{ mask: 0.1 mm }");
-    let Made::Pattern(cut) = made(
+    let Fabricated::Pattern(cut) = fabricated(
         &half(),
         None,
         membrane(),
-        &Offsets {
+        &MaskOffsets {
             wider_mm: 0.2,
             shift_mm: [0.0; 2],
         },

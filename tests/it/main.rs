@@ -57,6 +57,7 @@ mod report;
 mod reproducible;
 mod research_object;
 mod reuse;
+mod robust;
 mod rounds;
 mod schema;
 mod screen;

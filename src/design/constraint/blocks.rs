@@ -27,6 +27,8 @@ struct Blocks {
     allowed: Bits,
     /// The allowed blocks that contain a lead.
     leads: Option<Bits>,
+    /// The blocks with cells that are always active.
+    kept_in: Option<Bits>,
 }
 
 impl Blocks {
@@ -45,6 +47,7 @@ impl Blocks {
             counts,
             allowed: raster.allowed.clone(),
             leads: None,
+            kept_in: None,
         };
         let all = blocks.tally(&Bits::full(blocks.raster));
         let allowed = blocks.tally(&raster.allowed);
@@ -52,6 +55,10 @@ impl Blocks {
         blocks.leads = raster.leads.as_ref().map(|leads| {
             let leads = blocks.tally(leads);
             blocks.select(|block| leads[block] > 0).and(&blocks.allowed)
+        });
+        blocks.kept_in = raster.kept_in.as_ref().map(|kept| {
+            let kept = blocks.tally(kept);
+            blocks.select(|block| kept[block] > 0).and(&blocks.allowed)
         });
         blocks
     }
@@ -65,8 +72,10 @@ impl Blocks {
             feature: [1; 2],
             islands: raster.islands,
             leads: self.leads.clone(),
+            kept_in: self.kept_in.clone(),
         };
-        let found = connected(&on_blocks, &mostly.and(&self.allowed));
+        let start = on_blocks.with_kept_in(&mostly.and(&self.allowed));
+        let found = connected(&on_blocks, &start);
         let [columns, rows] = &self.of;
         Bits::from_fn(self.raster, |x, y| found.has(columns[x], rows[y]))
     }

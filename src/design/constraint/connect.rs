@@ -5,14 +5,17 @@ use super::raster::RasterConstraints;
 use deaflow_pattern::Bits;
 
 /// Keeps the largest pieces that have a lead, up to the maximum number. Any other piece is joined to them, or to a
-/// lead, by the shortest strip that is not larger than the piece; without such a strip it is removed.
+/// lead, by the shortest strip that is not larger than the piece; without such a strip it is removed. Pieces with cells
+/// that are always active come first, and their strips may have any length.
 pub(super) fn connected(raster: &RasterConstraints, bits: &Bits) -> Bits {
     if raster.islands.is_none() && raster.leads.is_none() {
         return bits.clone();
     }
     let most = raster.islands.unwrap_or(usize::MAX);
     let (mut kept, mut count) = (bits.without(bits), 0);
-    for piece in components(bits) {
+    let mut pieces = components(bits);
+    pieces.sort_by_key(|piece| !raster.is_kept(piece));
+    for piece in pieces {
         if spread(&piece).meets(&kept) {
             // The strip of a larger piece crosses or touches it.
             kept = kept.or(&piece);
@@ -27,7 +30,7 @@ pub(super) fn connected(raster: &RasterConstraints, bits: &Bits) -> Bits {
         let Some(strip) = strip(raster, &piece, &kept, leads) else {
             continue;
         };
-        if strip.without(bits).count() <= piece.count() {
+        if raster.is_kept(&piece) || strip.without(bits).count() <= piece.count() {
             count += usize::from(!spread(&strip).meets(&kept));
             kept = kept.or(&piece).or(&strip);
         }

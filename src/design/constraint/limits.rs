@@ -1,6 +1,7 @@
 //! Constraints in mm and counts, as users state them, and their conversion to cells.
 
 use super::morphology::opened;
+use super::morphology::{closed, surrounded};
 use super::raster::RasterConstraints;
 use deaflow_pattern::{Bits, Membrane, Raster, Region};
 
@@ -18,12 +19,25 @@ pub struct Limits {
     pub islands: Option<usize>,
     /// Each piece must touch the frame on one of these sides.
     pub leads: Option<Sides>,
+    /// Each piece must have a cell at one of these places, if there are any: on contact pads.
+    pub pads: Vec<Pad>,
+    /// Regions with electrodes, and their group from 1: a cell has one if its centre lies in the region.
+    pub keep_in: Vec<(usize, Region)>,
     /// Regions without electrodes: a cell is excluded if its centre lies in one of them.
     pub keep_out: Vec<Region>,
     /// Minimum ratio of breakdown field to largest field; needs a simulation.
     pub breakdown_margin: Option<f64>,
     /// Minimum ratio of pull-in voltage to voltage; needs a simulation.
     pub pull_in_margin: Option<f64>,
+}
+
+/// A place of a lead.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Pad {
+    /// A cell by column and row.
+    Cell([usize; 2]),
+    /// A region.
+    Region(Region),
 }
 
 /// Sides of the frame.
@@ -89,6 +103,33 @@ pub enum ConstraintError {
         /// The cells of the membrane.
         raster: Raster,
     },
+    /// Electrodes of a group that the scene does not have.
+    #[error("`keep_in` number {number} is of group {found}; groups of the scene: {groups}")]
+    Group {
+        /// The number of the region, from 1.
+        number: usize,
+        /// The group.
+        found: usize,
+        /// The number of groups.
+        groups: usize,
+    },
+    /// Cells that must have an electrode cannot have one.
+    #[error("`keep_in` number {number}: {why}")]
+    KeepIn {
+        /// The number of the region, from 1.
+        number: usize,
+        /// Why not.
+        why: &'static str,
+    },
+    /// Regions with electrodes are too close.
+    #[error("the regions of `keep_in` leave gaps narrower than {least}")]
+    Near {
+        /// The key with the minimum width.
+        least: &'static str,
+    },
+    /// No electrode can touch a place of a lead.
+    #[error("`leads`: no cell at these places can have an electrode")]
+    NoPad,
     /// No side for leads.
     #[error("`leads` names no side of the frame; allowed: left, right, bottom, top")]
     NoSide,
@@ -111,6 +152,14 @@ pub enum ConstraintError {
         area: f64,
         /// An upper bound of the area fraction.
         largest: f64,
+    },
+    /// The area is smaller than the electrodes that are always there.
+    #[error("area fraction {area} is not possible: the electrodes of `keep_in` have {smallest:.4}")]
+    AreaBelowKeepIn {
+        /// The target area fraction.
+        area: f64,
+        /// The area fraction of these electrodes.
+        smallest: f64,
     },
     /// The area is smaller than the smallest electrode.
     #[error("area fraction {area} is not possible: the smallest electrode of width `min_feature` has {smallest:.4}")]
@@ -205,7 +254,14 @@ impl Limits {
         if allowed.is_empty() {
             return Err(ConstraintError::NoSpace);
         }
-        let on_sides = self.lead_cells(&available, &allowed)?;
+        let on_sides = match self.pads_in(membrane) {
+            None => self.lead_cells(&available, &allowed)?,
+            Some(pads) => {
+                let pads = pads.and(&allowed);
+                let pads = (!pads.is_empty()).then_some(pads);
+                Some(pads.ok_or(ConstraintError::NoPad)?)
+            }
+        };
         let leads = match (on_sides, leads) {
             (sides, None) => sides,
             (None, Some(leads)) => Some(leads.and(&allowed)),
@@ -222,7 +278,85 @@ impl Limits {
             feature,
             islands: self.islands,
             leads,
+            kept_in: None,
         })
+    }
+
+    /// The cells at the places of leads; `None` if there are none.
+    fn pads_in(&self, membrane: Membrane) -> Option<Bits> {
+        let cells = |pad: &Pad| match pad {
+            Pad::Region(region) => region.cells(membrane),
+            Pad::Cell([x, y]) => Bits::from_fn(membrane.raster, |column, row| [column, row] == [*x, *y]),
+        };
+        self.pads.iter().map(cells).reduce(|all, one| all.or(&one))
+    }
+
+    /// The constraints of each group if some cells are always active; empty otherwise. `common` are those of all groups,
+    /// `gap` is the distance of other groups.
+    pub(super) fn of_groups(
+        &self,
+        common: &RasterConstraints,
+        (groups, gap): (usize, [usize; 2]),
+        membrane: Membrane,
+    ) -> Result<Vec<RasterConstraints>, ConstraintError> {
+        if self.keep_in.is_empty() {
+            return Ok(Vec::new());
+        }
+        let n = common.feature;
+        let mut kept = vec![Bits::empty(membrane.raster); groups];
+        for (index, (group, region)) in self.keep_in.iter().enumerate() {
+            let number = index + 1;
+            let refused = |why| Err(ConstraintError::KeepIn { number, why });
+            if *group == 0 || *group > groups {
+                let found = *group;
+                return Err(ConstraintError::Group { number, found, groups });
+            }
+            if region.other_raster(membrane.raster).is_some() {
+                return refused("the mask has other cells than the membrane");
+            }
+            let cells = region.cells(membrane);
+            if cells.is_empty() {
+                return refused("it contains no cell centre of the membrane");
+            }
+            if !cells.without(&common.allowed).is_empty() {
+                return refused("a part of it may not have an electrode, or cannot be reached by a lead");
+            }
+            // What is narrower than the minimum width is left out.
+            let wide = opened(&closed(&cells, n).and(&common.allowed), n);
+            if wide.is_empty() {
+                return refused("it is narrower than `min_feature`");
+            }
+            kept[group - 1] = kept[group - 1].or(&wide);
+        }
+        for (own, cells) in kept.iter().enumerate() {
+            if closed(cells, n) != *cells {
+                return Err(ConstraintError::Near { least: "`min_feature`" });
+            }
+            let mut others = kept.iter().enumerate().filter(|(other, _)| *other != own);
+            if others.any(|(_, other)| surrounded(other, gap).meets(cells)) {
+                return Err(ConstraintError::Near { least: "`gap`" });
+            }
+        }
+        let of_group = |own: usize| {
+            let others = kept.iter().enumerate().filter(|(other, _)| *other != own);
+            let taken = others.map(|(_, other)| surrounded(other, gap)).reduce(|a, b| a.or(&b));
+            let free = match taken {
+                None => Some(common.clone()),
+                Some(taken) => common.without(&taken),
+            };
+            let own = &kept[own];
+            // A group may be left without space.
+            let free = free.unwrap_or_else(|| RasterConstraints {
+                allowed: own.clone(),
+                ..common.clone()
+            });
+            RasterConstraints {
+                allowed: free.allowed.or(own),
+                kept_in: (!own.is_empty()).then(|| own.clone()),
+                ..free
+            }
+        };
+        Ok((0..groups).map(of_group).collect())
     }
 
     /// The minimum width in cells along x and y.

@@ -16,7 +16,7 @@ mod violations;
 #[cfg(test)]
 mod tests;
 
-pub use limits::{ConstraintError, Limits, Sides};
+pub use limits::{ConstraintError, Limits, Pad, Sides};
 pub use parameters::ConstraintParameters;
 pub use violations::Violations;
 
@@ -32,6 +32,8 @@ pub struct Constraints {
     domain: DesignDomain,
     /// Constraints on the electrodes of each group.
     raster: RasterConstraints,
+    /// The same with the cells of each group that are always active; empty if there are none.
+    of_groups: Vec<RasterConstraints>,
     /// Minimum number of columns or rows between electrodes of different groups.
     gap: [usize; 2],
 }
@@ -84,6 +86,7 @@ impl Constraints {
             limits: Limits::default(),
             domain: membrane.into(),
             raster: RasterConstraints::none(membrane.raster),
+            of_groups: Vec::new(),
             gap: [0; 2],
         }
     }
@@ -94,12 +97,28 @@ impl Constraints {
     /// If a number is out of range, or the limits contradict each other.
     pub fn new(limits: Limits, domain: impl Into<DesignDomain>) -> Result<Self, ConstraintError> {
         let domain = domain.into();
+        let raster = limits.raster(domain.membrane, domain.available.as_ref(), domain.leads.as_ref())?;
+        let gap = limits.gap(domain.membrane, domain.groups)?;
         Ok(Self {
-            raster: limits.raster(domain.membrane, domain.available.as_ref(), domain.leads.as_ref())?,
-            gap: limits.gap(domain.membrane, domain.groups)?,
+            of_groups: limits.of_groups(&raster, (domain.groups, gap), domain.membrane)?,
+            raster,
+            gap,
             limits,
             domain,
         })
+    }
+
+    /// The constraints on the electrodes of a group, from 0.
+    fn of_group(&self, group: usize) -> &RasterConstraints {
+        self.of_groups.get(group).unwrap_or(&self.raster)
+    }
+
+    /// The electrodes that are always there; `None` if there are none.
+    #[must_use]
+    pub fn kept_in(&self) -> Option<Layers> {
+        let none = || Bits::empty(self.domain.membrane.raster);
+        let of_group = |of: &RasterConstraints| of.kept_in.clone().unwrap_or_else(none);
+        (!self.of_groups.is_empty()).then(|| Layers::new(self.of_groups.iter().map(of_group).collect()))
     }
 
     /// Which patterns give equivalent displacements.
@@ -148,7 +167,7 @@ impl Constraints {
     /// Whether any pattern is valid; margins are ignored.
     #[must_use]
     pub fn allow_any_pattern(&self) -> bool {
-        self.raster.allow_any() && self.gap == [0; 2]
+        self.raster.allow_any() && self.of_groups.is_empty() && self.gap == [0; 2]
     }
 
     /// The minimum width of electrodes and gaps in columns and rows; 1 × 1 without a minimum.
@@ -198,6 +217,10 @@ impl Constraints {
         if area > largest + tolerance {
             return Err(ConstraintError::AreaTooLarge { area, largest });
         }
+        let kept = self.kept_in().map_or(0, |kept| kept.count()) as f64 / self.free_count() as f64;
+        if area + tolerance < kept {
+            return Err(ConstraintError::AreaBelowKeepIn { area, smallest: kept });
+        }
         let smallest = (self.raster.feature[0] * self.raster.feature[1]) as f64 / self.free_count() as f64;
         if area > tolerance && area + tolerance < smallest {
             return Err(ConstraintError::AreaTooSmall { area, smallest });
@@ -226,7 +249,8 @@ impl Constraints {
     /// [`Constraints::satisfied_by`] for the electrodes of each group.
     #[must_use]
     pub fn satisfied_by_layers(&self, layers: &Layers) -> bool {
-        layers.iter().all(|bits| self.raster.satisfied_by(bits)) && self.cells_in_gaps(layers) == 0
+        let mut groups = layers.iter().enumerate();
+        groups.all(|(group, bits)| self.of_group(group).satisfied_by(bits)) && self.cells_in_gaps(layers) == 0
     }
 
     /// The number of cells that are too close to electrodes of another group; each counts once.
@@ -252,8 +276,8 @@ impl Constraints {
 
     /// A valid pattern near a pattern, margins ignored: the pattern itself if it is valid. Opening and closing remove
     /// what is too narrow. A piece without a lead, or beyond the maximum number, is joined by the shortest strip of
-    /// the minimum width, or removed if the strip would be larger than the piece. Groups with fewer cells give way to
-    /// groups with more. The area may change. `None` if nothing of the pattern is left.
+    /// the minimum width, or removed if the strip would be larger than the piece. Cells that are always active are
+    /// added. Groups with fewer cells give way to groups with more. The area may change. `None` if nothing of the pattern is left.
     #[must_use]
     pub fn repaired(&self, pattern: &Pattern) -> Option<Pattern> {
         Some(self.repaired_layers(&self.layers(pattern))?.pattern())
@@ -268,9 +292,9 @@ impl Constraints {
         let mut repaired = vec![taken.clone(); order.len()];
         for (group, bits) in order {
             let found = match taken.is_empty() {
-                true => repair::repaired(&self.raster, bits),
+                true => repair::repaired(self.of_group(group), bits),
                 false => self
-                    .raster
+                    .of_group(group)
                     .without(&taken)
                     .and_then(|raster| repair::repaired(&raster, bits)),
             };

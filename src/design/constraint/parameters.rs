@@ -2,13 +2,13 @@
 
 use std::fmt;
 
-use super::{ConstraintError, Constraints, DesignDomain, Limits, Sides};
+use super::{ConstraintError, Constraints, DesignDomain, Limits, Pad, Sides};
 use crate::text::{flow_mapping, flow_value};
 use deaflow_base::{
     Canonical, Decimal, Declared, InputError, Length, Map, Node, NodeValue, Parameter, Schema, parameters,
 };
-use deaflow_pattern::Membrane;
-use deaflow_scene::{Scene, Shape};
+use deaflow_pattern::{Membrane, Pattern, Region};
+use deaflow_scene::{Leads as LeadPlaces, Scene, Shape, Shapes};
 
 /// The number of islands of a checkerboard.
 const MAX_ISLANDS: u64 = 1250;
@@ -26,8 +26,11 @@ parameters! {
         gap: Option<Length> [LENGTHS_MM],
         /// Maximum number of separate electrode pieces of each group.
         islands: Option<u64> [1..=MAX_ISLANDS],
-        /// Each piece must touch the frame (`true`), or one of the listed sides of it.
+        /// Each piece must touch the frame (`true`), one of the listed sides of it, or contact pads: `{ shapes }` or `{
+        /// cells }`.
         leads: Option<Leads>,
+        /// Regions with electrodes, such as contact pads.
+        keep_in: Option<Vec<KeepIn>> [((), 1..=1000)],
         /// Regions without electrodes.
         keep_out: KeepOut = KeepOut(Vec::new()),
         /// Minimum ratio of the breakdown field to the largest electric field.
@@ -37,13 +40,47 @@ parameters! {
     }
 }
 
+parameters! {
+    /// Regions with electrodes of a group.
+    struct GroupShapes as "`keep_in`" {
+        /// The number of the group.
+        group: u64 [1..=Pattern::MOST_GROUPS as u64],
+        /// The shapes.
+        shapes: Shapes,
+    }
+}
+
+/// Regions with electrodes: one of group 1, or several of a group.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum KeepIn {
+    Shape(Shape),
+    Group(GroupShapes),
+}
+
+parameters! {
+    /// Contact pads.
+    struct PadShapes as "`leads`" {
+        /// Their shapes.
+        shapes: Shapes,
+    }
+}
+
 /// Regions without electrodes, in the order of the YAML list.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct KeepOut(Vec<Shape>);
 
-/// Sides of the frame that a piece must touch; `None` for `false`.
+/// What each piece must touch.
 #[derive(Clone, Debug, PartialEq, Eq)]
-struct Leads(Option<Sides>);
+enum Leads {
+    /// Nothing.
+    Off,
+    /// Sides of the frame.
+    Sides(Sides),
+    /// Cells, as leads of a scene.
+    Cells(LeadPlaces),
+    /// Shapes.
+    Shapes(PadShapes),
+}
 
 /// Constraints as declared in YAML, and converted for a membrane.
 #[derive(Clone, Debug, PartialEq)]
@@ -98,6 +135,7 @@ impl ConstraintParameters {
         self.constraints.check_area(area, tolerance).map_err(|error| {
             let help = match error {
                 ConstraintError::AreaTooSmall { .. } => "increase `area`, or reduce `min_feature`",
+                ConstraintError::AreaBelowKeepIn { .. } => "increase `area`, or reduce `keep_in`",
                 _ => "reduce `area`, or `keep_out`",
             };
             node.error(error.to_string()).help(help)
@@ -142,7 +180,16 @@ impl DeclaredConstraints {
             min_feature_mm: self.min_feature.map(|width| width.value()),
             gap_mm: self.gap.map(|width| width.value()),
             islands: self.islands.map(|n| n as usize),
-            leads: self.leads.as_ref().and_then(|leads| leads.0),
+            leads: match self.leads {
+                Some(Leads::Sides(sides)) => Some(sides),
+                _ => None,
+            },
+            pads: match &self.leads {
+                Some(Leads::Shapes(pads)) => pads.shapes.regions().into_iter().map(Pad::Region).collect(),
+                Some(Leads::Cells(LeadPlaces::Cells(cells))) => cells.iter().copied().map(Pad::Cell).collect(),
+                _ => Vec::new(),
+            },
+            keep_in: self.keep_in.iter().flatten().flat_map(KeepIn::regions).collect(),
             keep_out: self.keep_out.0.iter().map(Shape::region).collect(),
             breakdown_margin: self.breakdown_margin.map(Decimal::to_f64),
             pull_in_margin: self.pull_in_margin.map(Decimal::to_f64),
@@ -186,6 +233,46 @@ impl fmt::Display for KeepOut {
     }
 }
 
+impl KeepIn {
+    /// The group of each region.
+    fn regions(&self) -> Vec<(usize, Region)> {
+        match self {
+            Self::Shape(shape) => vec![(1, shape.region())],
+            Self::Group(of) => {
+                let regions = of.shapes.regions().into_iter();
+                regions.map(|region| (of.group as usize, region)).collect()
+            }
+        }
+    }
+}
+
+impl Parameter for KeepIn {
+    type Limits = ();
+    type Literal = Self;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        match node.peek("group") {
+            Some(_) => GroupShapes::read_with(node, &[]).map(Self::Group),
+            None => Shape::read(node, key, &()).map(Self::Shape),
+        }
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        match self {
+            Self::Shape(shape) => shape.canonical(),
+            Self::Group(of) => Some(of.to_canonical()),
+        }
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::any_of([Shape::schema(&()), GroupShapes::schema(&())])
+    }
+
+    fn literal(literal: Self) -> Self {
+        literal
+    }
+}
+
 impl Parameter for Leads {
     type Limits = ();
     type Literal = Self;
@@ -193,10 +280,18 @@ impl Parameter for Leads {
     /// `true` means all sides, `false` no leads.
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
         match (node.as_bool(), node.value()) {
-            (Some(required), _) => return Ok(Self(required.then_some(Sides::ALL))),
+            (Some(true), _) => return Ok(Self::Sides(Sides::ALL)),
+            (Some(false), _) => return Ok(Self::Off),
+            (None, NodeValue::Map(_)) if node.peek("cells").is_some() => {
+                return LeadPlaces::read(node, key, &()).map(Self::Cells);
+            }
+            (None, NodeValue::Map(_)) => return PadShapes::read_with(node, &[]).map(Self::Shapes),
             (None, NodeValue::List(_)) => {}
             _ => {
-                let message = format!("`{key}` must be true, false or a list of sides, found {}", node.found());
+                let message = format!(
+                    "`{key}` must be true, false, a list of sides, or {{ shapes }} or {{ cells }}, found {}",
+                    node.found()
+                );
                 let help = format!(
                     "sides: {}; leads at a place are `leads` of the scene, to which searches keep",
                     Sides::NAMES.join(", ")
@@ -213,11 +308,16 @@ impl Parameter for Leads {
                 _ => sides.top = true,
             }
         }
-        Ok(Self(Some(sides)))
+        Ok(Self::Sides(sides))
     }
 
     fn canonical(&self) -> Option<Canonical> {
-        let sides = self.0?;
+        let sides = match self {
+            Self::Off => return None,
+            Self::Cells(cells) => return cells.canonical(),
+            Self::Shapes(shapes) => return Some(shapes.to_canonical()),
+            Self::Sides(sides) => *sides,
+        };
         if sides == Sides::ALL {
             return Some(Canonical::Bool(true));
         }
@@ -227,7 +327,7 @@ impl Parameter for Leads {
 
     fn schema((): &()) -> Schema {
         let sides = Schema::list(Schema::word(&Sides::NAMES), 1, Sides::NAMES.len());
-        Schema::any_of([Schema::bool(), sides])
+        Schema::any_of([Schema::bool(), sides, PadShapes::schema(&()), LeadPlaces::schema(&())])
     }
 
     fn literal(literal: Self) -> Self {
@@ -245,11 +345,22 @@ fn located(node: &Node, map: &Map<'_>, error: &ConstraintError) -> InputError {
             let list = map.optional("keep_out").and_then(|list| list.list("keep_out").ok());
             list.and_then(|list| list.get(number - 1))
         }
+        ConstraintError::Group { number, .. } | ConstraintError::KeepIn { number, .. } => {
+            // Entries of a group may have several regions.
+            let list = map.optional("keep_in").and_then(|list| list.list("keep_in").ok());
+            list.filter(|list| list.iter().all(|one| one.peek("group").is_none()))
+                .and_then(|list| list.get(number - 1))
+                .or(map.optional("keep_in"))
+        }
+        ConstraintError::Near { .. } => map.optional("keep_in"),
+        ConstraintError::NoPad => map.optional("leads"),
         ConstraintError::NoSide | ConstraintError::Side { .. } | ConstraintError::NoLead => {
             map.optional("leads").or(map.optional("keep_out"))
         }
         ConstraintError::NoSpace => map.optional("keep_out"),
-        ConstraintError::AreaTooLarge { .. } | ConstraintError::AreaTooSmall { .. } => None,
+        ConstraintError::AreaTooLarge { .. }
+        | ConstraintError::AreaTooSmall { .. }
+        | ConstraintError::AreaBelowKeepIn { .. } => None,
     };
     at.unwrap_or(node).error(error.to_string())
 }
@@ -277,7 +388,15 @@ mod tests {
 
     #[test]
     fn constraints_round_trip_through_text() {
-        for text in [RICH, "{ leads: true }", "{ islands: 3 }", "{ pull_in_margin: 2 }", "{}"] {
+        for text in [
+            "{ leads: { cells: [[0, 25], [0, 26]] }, keep_in: [{ rectangle: [[0, 20 mm], [4 mm, 30 mm]] }, { group: 1, shapes: [{ disc: { centre: [30, 25], radius: 2 } }] }] }",
+            "{ leads: { shapes: [{ disc: { centre: [25, 25], radius: 3 } }] }, min_feature: 2 mm }",
+            RICH,
+            "{ leads: true }",
+            "{ islands: 3 }",
+            "{ pull_in_margin: 2 }",
+            "{}",
+        ] {
             let parameters = read(text).unwrap();
             let read_again = read(&parameters.to_text()).unwrap();
             assert_eq!(
@@ -329,7 +448,10 @@ mod tests {
             ("{ min_feature: 60 mm }", "60 mm, larger than the membrane of 50 mm"),
             ("{ min_feature: 0 mm }", "`min_feature` is out of range"),
             ("{ islands: 0 }", "`islands` must be an integer from 1 to 1250, found 0"),
-            ("{ leads: some }", "`leads` must be true, false or a list of sides"),
+            (
+                "{ leads: some }",
+                "`leads` must be true, false, a list of sides, or { shapes }",
+            ),
             ("{ leads: [lefft] }", "`leads` cannot be \"lefft\""),
             ("{ leads: [] }", "names no side"),
             ("{ keep_out: [{ square: 1 }] }", "unknown key `square`"),

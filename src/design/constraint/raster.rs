@@ -12,8 +12,10 @@ pub(super) struct RasterConstraints {
     pub feature: Square,
     /// The maximum number of pieces.
     pub islands: Option<usize>,
-    /// Allowed cells at the frame; each piece must contain one of them.
+    /// Allowed cells with leads; each piece must contain one of them.
     pub leads: Option<Bits>,
+    /// Cells that are always active, with no part narrower than the minimum width.
+    pub kept_in: Option<Bits>,
 }
 
 impl RasterConstraints {
@@ -24,6 +26,7 @@ impl RasterConstraints {
             feature: [1; 2],
             islands: None,
             leads: None,
+            kept_in: None,
         }
     }
 
@@ -48,7 +51,8 @@ impl RasterConstraints {
 
     /// Whether a pattern is valid.
     pub fn satisfied_by(&self, bits: &Bits) -> bool {
-        if !bits.without(&self.allowed).is_empty() || !self.has_min_widths(bits) {
+        let lacks = self.kept_in.as_ref().is_some_and(|kept| !kept.without(bits).is_empty());
+        if lacks || !bits.without(&self.allowed).is_empty() || !self.has_min_widths(bits) {
             return false;
         }
         if self.islands.is_none() && self.leads.is_none() {
@@ -64,7 +68,17 @@ impl RasterConstraints {
         n == [1; 2] || (opened(bits, n) == *bits && closed(bits, n) == *bits)
     }
 
-    /// Whether a piece touches the frame on a side with leads; true if no leads are required.
+    /// The pattern with the cells that are always active.
+    pub fn with_kept_in(&self, bits: &Bits) -> Bits {
+        self.kept_in.as_ref().map_or_else(|| bits.clone(), |kept| bits.or(kept))
+    }
+
+    /// Whether a piece has cells that are always active.
+    pub fn is_kept(&self, piece: &Bits) -> bool {
+        self.kept_in.as_ref().is_some_and(|kept| piece.meets(kept))
+    }
+
+    /// Whether a piece touches a lead; true if no leads are required.
     pub fn has_lead(&self, piece: &Bits) -> bool {
         self.leads.as_ref().is_none_or(|leads| piece.meets(leads))
     }

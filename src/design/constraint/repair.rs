@@ -11,8 +11,8 @@ const ROUNDS: usize = 4;
 
 /// Repairs cell by cell, or on blocks of the minimum width if that fails.
 pub(super) fn repaired(raster: &RasterConstraints, given: &Bits) -> Option<Bits> {
-    let start = given.and(&raster.allowed);
-    if given.is_empty() {
+    let start = raster.with_kept_in(&given.and(&raster.allowed));
+    if start.is_empty() && given.is_empty() {
         return Some(given.clone());
     }
     let found = repaired_by_cells(raster, &start).or_else(|| match raster.feature {
@@ -50,7 +50,7 @@ fn with_min_widths(raster: &RasterConstraints, bits: &Bits) -> Bits {
         let before = bits.clone();
         while bits == before {
             gaps = grown(&gaps);
-            bits = opened(&bits.without(&gaps), n);
+            bits = opened(&raster.with_kept_in(&bits.without(&gaps)), n);
         }
     }
 }

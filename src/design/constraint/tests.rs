@@ -475,3 +475,117 @@ fn leads_reach_a_frame_of_any_shape() {
         assert_eq!(within(left).satisfied_by(&pattern), from_left);
     }
 }
+
+/// A pad at the left, one in the middle, and the leads on the left one.
+fn pads() -> Limits {
+    Limits {
+        min_feature_mm: Some(2.0),
+        islands: Some(1),
+        pads: vec![Pad::Region(rectangle([0.0, 20.0], [3.0, 30.0]))],
+        keep_in: vec![
+            (1, rectangle([0.0, 22.0], [4.0, 28.0])),
+            (
+                1,
+                Region::Disc {
+                    centre: [40.0, 25.0],
+                    radius: 3.0,
+                },
+            ),
+        ],
+        ..Limits::default()
+    }
+}
+
+#[test]
+fn repaired_patterns_have_the_electrodes_that_are_kept_in() {
+    let constraints = constraints(pads());
+    let kept = constraints.kept_in().unwrap();
+    let kept = kept.iter().next().unwrap();
+    assert!(kept.has(1, 25) && kept.has(40, 25) && !kept.has(20, 25), "both pads");
+    let empty = Pattern::from_fn(Raster::PAPER, |_, _| false);
+    let patterns = (0..30).flat_map(|k| [blobs(k, 2, 0.3), blobs(k, 6, 0.5), noise(k)]);
+    for pattern in patterns.chain([empty.clone()]) {
+        let repaired = constraints.repaired(&pattern).unwrap();
+        let violations = constraints.violations(&repaired);
+        assert!(
+            constraints.satisfied_by(&repaired) && violations.is_empty(),
+            "{violations}"
+        );
+        let bits = Bits::of(&repaired);
+        assert!(kept.without(&bits).is_empty() && components(&bits).len() == 1);
+    }
+    let violations = constraints.violations(&empty);
+    assert_eq!(violations.bare, kept.count());
+    assert!(!constraints.satisfied_by(&empty) && !constraints.allow_any_pattern());
+    assert!(violations.to_string().contains("`keep_in`"), "{violations}");
+    let kept_area = kept.count() as f64 / 2500.0;
+    assert!(constraints.check_area(kept_area + 0.01, 0.005).is_ok());
+    let error = constraints.check_area(kept_area - 0.01, 0.005).unwrap_err();
+    assert!(matches!(error, ConstraintError::AreaBelowKeepIn { .. }), "{error}");
+}
+
+#[test]
+fn each_group_keeps_its_own_electrodes() {
+    let limits = Limits {
+        gap_mm: Some(2.0),
+        keep_in: vec![
+            (1, rectangle([0.0, 0.0], [5.0, 5.0])),
+            (2, rectangle([45.0, 45.0], [50.0, 50.0])),
+        ],
+        ..Limits::default()
+    };
+    let domain = DesignDomain {
+        groups: 2,
+        ..MEMBRANE.into()
+    };
+    let constraints = Constraints::new(limits, domain).unwrap();
+    // All of it is of the other group.
+    for group in [1, 2] {
+        let full = Pattern::from_groups(Raster::PAPER, |_, _| group);
+        let repaired = constraints.repaired(&full).unwrap();
+        assert!(
+            constraints.satisfied_by(&repaired),
+            "{}",
+            constraints.violations(&repaired)
+        );
+        assert_eq!((repaired.group(0, 0), repaired.group(49, 49)), (1, 2));
+    }
+}
+
+#[test]
+fn regions_that_no_pattern_can_keep_are_refused() {
+    let refused = |change: fn(&mut Limits)| {
+        let mut limits = pads();
+        change(&mut limits);
+        Constraints::new(limits, MEMBRANE).unwrap_err().to_string()
+    };
+    for (change, words) in [
+        (
+            (|limits| limits.keep_out = vec![rectangle([0.0, 22.0], [2.0, 24.0])]) as fn(&mut Limits),
+            "may not have an electrode",
+        ),
+        (
+            |limits| limits.keep_in.push((2, rectangle([9.0, 9.0], [12.0, 12.0]))),
+            "is of group 2",
+        ),
+        (
+            |limits| limits.keep_in.push((1, rectangle([60.0, 9.0], [70.0, 12.0]))),
+            "no cell centre",
+        ),
+        (
+            |limits| limits.keep_in.push((1, rectangle([9.0, 9.0], [10.0, 30.0]))),
+            "narrower than `min_feature`",
+        ),
+        (
+            |limits| limits.keep_in.push((1, rectangle([0.0, 29.0], [4.0, 33.0]))),
+            "gaps narrower",
+        ),
+        (
+            |limits| limits.pads = vec![Pad::Cell([60, 3])],
+            "no cell at these places",
+        ),
+    ] {
+        let error = refused(change);
+        assert!(error.contains(words), "{error}");
+    }
+}

@@ -22,6 +22,8 @@ pub struct Violations {
     pub unled: usize,
     /// Cells that are too close to electrodes of another group.
     pub near: usize,
+    /// Bare cells that must be active.
+    pub bare: usize,
     /// Cells of the smallest pieces beyond the maximum number, and of pieces without a lead.
     loose: usize,
     /// Cells of the membrane.
@@ -38,6 +40,7 @@ struct ViolatedLimits {
     feature_mm: f64,
     gap_mm: f64,
     sides: Option<Sides>,
+    has_pads: bool,
 }
 
 impl Violations {
@@ -57,10 +60,13 @@ impl Violations {
                     .chain(limits.min_feature_mm)
                     .fold(0.0, f64::max),
                 sides: limits.leads,
+                has_pads: !limits.pads.is_empty(),
             },
             ..Self::default()
         };
-        layers.iter().for_each(|bits| found.add(&constraints.raster, bits));
+        for (group, bits) in layers.iter().enumerate() {
+            found.add(constraints.of_group(group), bits);
+        }
         found
     }
 
@@ -68,6 +74,7 @@ impl Violations {
     fn add(&mut self, raster: &RasterConstraints, bits: &Bits) {
         let n = raster.feature;
         self.kept_out += bits.without(&raster.allowed).count();
+        self.bare += raster.kept_in.as_ref().map_or(0, |kept| kept.without(bits).count());
         if n != [1; 2] {
             self.thin += bits.without(&opened(bits, n)).count();
             self.narrow += closed(bits, n).without(bits).count();
@@ -91,14 +98,15 @@ impl Violations {
     /// Whether all constraints are satisfied.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.kept_out + self.thin + self.narrow + self.surplus + self.unled + self.near == 0
+        self.kept_out + self.thin + self.narrow + self.surplus + self.unled + self.near + self.bare == 0
     }
 
     /// The share of the membrane that violates constraints, 0 to 1. A cell counts once for each constraint that it
     /// violates.
     #[must_use]
     pub fn share(&self) -> f64 {
-        ((self.kept_out + self.thin + self.narrow + self.loose + self.near) as f64 / self.all.max(1) as f64).min(1.0)
+        ((self.kept_out + self.thin + self.narrow + self.loose + self.near + self.bare) as f64 / self.all.max(1) as f64)
+            .min(1.0)
     }
 
     /// One line for each violated constraint, with the limit. The text is part of artifact digests.
@@ -112,6 +120,12 @@ impl Violations {
         let mut lines = Vec::new();
         if self.kept_out > 0 {
             lines.push(format!("{} active where none may be", cells(self.kept_out)));
+        }
+        if self.bare > 0 {
+            lines.push(format!(
+                "{} bare where `keep_in` asks for an electrode",
+                cells(self.bare)
+            ));
         }
         for (count, what) in [(self.thin, "electrode"), (self.narrow, "gap")] {
             if count > 0 {
@@ -128,10 +142,11 @@ impl Violations {
         }
         if self.unled > 0 {
             let sides = limits.sides.unwrap_or(Sides::ALL).to_string();
-            lines.push(format!(
-                "{} of {} islands without a lead on the frame, allowed: {sides}",
-                self.unled, limits.pieces
-            ));
+            let lead = match limits.has_pads {
+                true => "lead at one of its places".to_owned(),
+                false => format!("lead on the frame, allowed: {sides}"),
+            };
+            lines.push(format!("{} of {} islands without a {lead}", self.unled, limits.pieces));
         }
         if self.near > 0 {
             let (near, gap) = (cells(self.near), limits.gap_mm);

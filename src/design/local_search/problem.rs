@@ -50,7 +50,7 @@ impl<'a> SearchProblem<'a> {
         Self {
             model,
             goal,
-            units: Units::new(units, constraints.allowed()),
+            units: Units::new(units, constraints.allowed()).with_always(constraints.kept_in().as_ref()),
             units_are_cells: units == raster.sides(),
             range: (least as usize, most as usize),
             constraints,

@@ -1,6 +1,6 @@
 //! The units that a local search changes: cells, or the coarser units of the genetic algorithm.
 
-use deaflow_pattern::{Bits, Pattern, Raster};
+use deaflow_pattern::{Bits, Layers, Pattern, Raster};
 
 /// The membrane in columns and rows of units. With n units along a side of m cells, cell i lies in unit floor(i n /
 /// m).
@@ -9,6 +9,8 @@ pub(super) struct Units {
     raster: Raster,
     /// The allowed cells of each unit; units without allowed cells are omitted.
     cells: Vec<Vec<usize>>,
+    /// Cells that are in no unit and always active, with their groups.
+    always: Vec<(usize, u8)>,
 }
 
 impl Units {
@@ -23,7 +25,25 @@ impl Units {
             }
         }
         cells.retain(|unit| !unit.is_empty());
-        Self { raster, cells }
+        Self {
+            raster,
+            cells,
+            always: Vec::new(),
+        }
+    }
+
+    /// The units without the cells of electrodes that are always there, which every pattern has.
+    pub(super) fn with_always(mut self, electrodes: Option<&Layers>) -> Self {
+        let Some(electrodes) = electrodes else { return self };
+        let [columns, rows] = self.raster.sides();
+        let all = (0..columns * rows).map(|cell| (cell, electrodes.group(cell % columns, cell / columns)));
+        self.always = all.filter(|(_, group)| *group != 0).collect();
+        let is_always = |cell: usize| electrodes.group(cell % columns, cell / columns) != 0;
+        self.cells
+            .iter_mut()
+            .for_each(|unit| unit.retain(|cell| !is_always(*cell)));
+        self.cells.retain(|unit| !unit.is_empty());
+        self
     }
 
     /// The raster of cells.
@@ -69,18 +89,19 @@ impl Units {
         for (unit, &group) in self.cells.iter().zip(on) {
             unit.iter().for_each(|&cell| groups[cell] = group);
         }
+        self.always.iter().for_each(|&(cell, group)| groups[cell] = group);
         Pattern::from_groups(self.raster, |x, y| groups[y * self.raster.columns() + x])
     }
 
     /// The number of allowed cells.
     pub(super) fn size(&self) -> usize {
-        self.cells.iter().map(Vec::len).sum()
+        self.always.len() + self.cells.iter().map(Vec::len).sum::<usize>()
     }
 
     /// The number of active cells.
     pub(super) fn area(&self, on: &[u8]) -> usize {
         let units = self.cells.iter().zip(on).filter(|(_, on)| **on != 0);
-        units.map(|(unit, _)| unit.len()).sum()
+        self.always.len() + units.map(|(unit, _)| unit.len()).sum::<usize>()
     }
 }
 

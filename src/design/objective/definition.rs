@@ -10,14 +10,17 @@ use super::measure::{Displacement, Distance, MEASURES, Measure};
 use super::points::{
     BarParameters, BodyParameters, MAX_MM, PointOrBody, PointParameters, ROTATIONS, ReactionParameters,
 };
+use super::robust::{Masks, Robust};
 use crate::text::flow_mapping;
 use deaflow_base::{
     Canonical, Declared, Fields, Frequency, InputError, Length, Node, Parameter, Schema, Time, parameters,
 };
-use deaflow_scene::Scene;
+use deaflow_pattern::Membrane;
+use deaflow_scene::{Scene, Tolerances};
 
 parameters! {
     /// How displacements are measured.
+    #[derive(Default)]
     struct MeasureParameters as "the objective" {
         /// Target displacement along each direction.
         value: Option<Length> [-MAX_MM..=MAX_MM],
@@ -26,6 +29,8 @@ parameters! {
         measure: Option<&'static dyn Measure>,
         /// Time after the voltage is applied, if the elastomer creeps; by default the end of creep.
         time: Option<Time> [0.0..=1e12],
+        /// Electrodes as they may be fabricated: the worst value, or the mean less some standard deviations, counts.
+        robust: Option<Robust>,
     }
 }
 
@@ -111,6 +116,7 @@ pub struct Objective {
     measure: &'static dyn Measure,
     value: Option<Length>,
     response: ResponseKind,
+    robust: Option<Robust>,
 }
 
 /// The response that an objective measures.
@@ -150,7 +156,7 @@ fn rotation_measures() -> serde_json::Value {
 /// Amplitudes are measured along directions only.
 fn amplitudes_along_directions(fields: Fields) -> Fields {
     let has = |key: &str| json!({ "required": [key] });
-    let others = json!([has("time"), has("value"), has("displacement")]);
+    let others = json!([has("time"), has("value"), has("displacement"), has("robust")]);
     let along = json!({ "items": { "required": ["point", "direction"] } });
     let measured = json!({ "measure": { "const": Displacement.name() }, "points": along });
     let then = json!({ "not": { "anyOf": others }, "properties": measured });
@@ -161,12 +167,7 @@ fn amplitudes_along_directions(fields: Fields) -> Fields {
 /// among motions.
 fn refuse_keys_of_motions(
     points: &[PointOrBody],
-    (measure, value, time, frequency): (
-        &Option<&'static dyn Measure>,
-        &Option<Length>,
-        &Option<Time>,
-        &Option<Frequency>,
-    ),
+    (measured, frequency): (&MeasureParameters, &Option<Frequency>),
     node: &Node,
 ) -> Result<(), InputError> {
     let refused = |key: &str, message: String, help: &str| {
@@ -177,12 +178,15 @@ fn refuse_keys_of_motions(
         return refused("points", message, "use two targets in two stages");
     }
     let given = [
-        ("value", value.is_some()),
-        ("time", time.is_some()),
+        ("value", measured.value.is_some()),
+        ("time", measured.time.is_some()),
+        ("robust", measured.robust.is_some()),
         ("frequency", frequency.is_some()),
         (
             "measure",
-            measure.is_some_and(|measure| measure.name() != Displacement.name()),
+            measured
+                .measure
+                .is_some_and(|measure| measure.name() != Displacement.name()),
         ),
     ];
     match given.into_iter().find(|(_, given)| *given) {
@@ -198,12 +202,17 @@ impl Objective {
         frequency: Option<Frequency>,
         node: &Node,
     ) -> Result<Self, InputError> {
-        let MeasureParameters { measure, value, time } = measured;
+        if points.iter().any(PointOrBody::is_reaction) {
+            refuse_keys_of_motions(&points, (&measured, &frequency), node)?;
+        }
+        let MeasureParameters {
+            measure,
+            value,
+            time,
+            robust,
+        } = measured;
         let has_targets = value.is_some() || points.iter().all(PointOrBody::has_target);
         let default: &'static dyn Measure = if has_targets { &Distance } else { &Displacement };
-        if points.iter().any(PointOrBody::is_reaction) {
-            refuse_keys_of_motions(&points, (&measure, &value, &time, &frequency), node)?;
-        }
         let objective = Self {
             points,
             measure: measure.unwrap_or(default),
@@ -213,7 +222,13 @@ impl Objective {
                 (Some(time), None) => ResponseKind::After(time),
                 (None, None) => ResponseKind::Equilibrium,
             },
+            robust,
         };
+        if let (Some(_), Some(time)) = (node.peek("robust"), node.peek("time")) {
+            let message =
+                "`time` cannot be used with `robust`: creep is not simulated in cells that are covered in part";
+            return Err(time.error(message).help("remove one of them"));
+        }
         match objective.response {
             ResponseKind::Amplitude(_) => objective.check_amplitude(node)?,
             ResponseKind::Equilibrium | ResponseKind::After(_) => objective.check(node)?,
@@ -270,7 +285,7 @@ impl Objective {
 
     /// Refuses keys that cannot be used with an amplitude.
     fn check_amplitude(&self, node: &Node) -> Result<(), InputError> {
-        let other = ["time", "value", "displacement"]
+        let other = ["time", "value", "displacement", "robust"]
             .into_iter()
             .find_map(|key| Some((key, node.peek(key)?)));
         if let Some((key, other)) = other {
@@ -308,9 +323,8 @@ impl Objective {
         } else if node.peek("field").is_some() {
             let FieldObjective { field, time } = FieldObjective::read_with(node, &[])?;
             let measured = MeasureParameters {
-                value: None,
-                measure: None,
                 time,
+                ..MeasureParameters::default()
             };
             (field.0.into_iter().map(PointOrBody::Point).collect(), measured, None)
         } else if node.peek("body").is_some() {
@@ -321,12 +335,11 @@ impl Objective {
             (vec![PointOrBody::Bar(bar)], measured, None)
         } else if node.peek("reaction").is_some() {
             let reaction = ReactionParameters::read_with(node, &[])?;
-            let measured = MeasureParameters {
-                value: None,
-                measure: None,
-                time: None,
-            };
-            (vec![PointOrBody::Reaction(reaction)], measured, None)
+            (
+                vec![PointOrBody::Reaction(reaction)],
+                MeasureParameters::default(),
+                None,
+            )
         } else {
             let read = OnePoint::read_with(node, &[])?;
             (
@@ -357,7 +370,33 @@ impl Objective {
             ResponseKind::After(time) => Some(("time", time.to_string())),
             ResponseKind::Amplitude(frequency) => Some(("frequency", frequency.to_string())),
         });
+        entries.extend(self.robust.as_ref().map(|robust| ("robust", robust.to_text())));
         flow_mapping(entries)
+    }
+
+    /// Whether it counts for electrodes as they may be fabricated.
+    #[must_use]
+    pub fn is_robust(&self) -> bool {
+        self.robust.is_some()
+    }
+
+    /// The masks that count; `None` for that as drawn.
+    ///
+    /// # Errors
+    /// If no mask differs from that drawn, or one differs by too many cells.
+    pub fn masks(&self, membrane: Membrane) -> Result<Option<Masks>, GoalError> {
+        let masks = self.robust.as_ref().map(|robust| robust.masks(membrane));
+        masks.transpose().map_err(GoalError::Masks)
+    }
+
+    /// Takes standard deviations of masks that are not given from the tolerances of a scene.
+    #[must_use]
+    pub fn with_tolerances(self, tolerances: Option<&Tolerances>) -> Self {
+        let robust = match (self.robust, tolerances) {
+            (Some(robust), Some(tolerances)) => Some(robust.with_tolerances(tolerances)),
+            (robust, _) => robust,
+        };
+        Self { robust, ..self }
     }
 
     /// The response that is measured.
@@ -366,7 +405,7 @@ impl Objective {
         self.response
     }
 
-    /// The goal in a scene.
+    /// The goal in a scene, for the mask as drawn.
     ///
     /// # Errors
     /// If a point is not inside the membrane, a number is out of range, or the scene has no such body or state.
@@ -397,7 +436,10 @@ impl Parameter for Objective {
             ResponseKind::After(time) => time.canonical().map(|time| ("time", time)),
             ResponseKind::Amplitude(frequency) => frequency.canonical().map(|frequency| ("frequency", frequency)),
         };
-        Some(Canonical::map(own.into_iter().chain(value).chain(response)))
+        let robust = self.robust.as_ref().map(|robust| ("robust", robust.to_canonical()));
+        Some(Canonical::map(
+            own.into_iter().chain(value).chain(response).chain(robust),
+        ))
     }
 
     fn schema((): &()) -> Schema {
@@ -483,6 +525,8 @@ mod tests {
             "{ point: [25, 25], direction: 30 deg, frequency: 40 Hz }",
             "{ points: [{ point: [1, 2], direction: 0 }, { point: [3, 4], direction: 90 deg }], frequency: 1 kHz }",
             "{ points: [{ point: [1, 2], displacement: [0.1 mm, -0.2 mm] }, { point: [3, 4], displacement: [0, 0] }] }",
+            "{ point: [25, 25], direction: 30 deg, robust: { worst: [-0.3 mm, 0 mm, { misregistration: [0.2 mm, 0 mm] }] } }",
+            "{ body: 0, direction: 0, robust: { mean_minus: 2, mask: 0.15 mm, misregistration: 0.1 mm } }",
             "{ reaction: right, direction: 180 deg }",
             "{ points: [{ reaction: right, direction: 0, weight: 2 }, { reaction: top, direction: 90 deg, state: on }] }",
         ] {
@@ -516,6 +560,9 @@ mod tests {
             "{ points: [{ point: [1, 2], displacement: [0, 1] }], frequency: 1 Hz }",
             "{ points: [{ body: 0, direction: 0 }], frequency: 1 Hz }",
             "{ body: 0, direction: 0, frequency: 1 Hz }",
+            "{ point: [1, 2], direction: 0, time: 1 s, robust: { worst: [0.3 mm] } }",
+            "{ point: [1, 2], direction: 0, frequency: 1 Hz, robust: { worst: [0.3 mm] } }",
+            "{ points: [{ reaction: right, direction: 0 }], robust: { worst: [0.3 mm] } }",
             "{ reaction: right }",
             "{ reaction: middle, direction: 0 }",
             "{ reaction: right, direction: 0, value: 1 mm }",

@@ -6,6 +6,9 @@ pub enum GoalError {
     /// There is no point and no body.
     #[error("a design needs at least one point")]
     NoAim,
+    /// The masks of a robust objective.
+    #[error("{0}")]
+    Masks(String),
     /// The side of the membrane is not a length.
     #[error("the side of the membrane must be positive, found {0} mm")]
     Side(f64),

@@ -9,6 +9,7 @@
 use super::aim::{Aim, PlacedAim, Subject, mean_along, rms_error};
 use super::error::GoalError;
 use super::measure::{Measure, SCALE_MM};
+use super::robust::Criterion;
 use deaflow_field::{Field, REACTION_UNIT, Reactions, StateFields};
 use deaflow_pattern::{Membrane, Raster};
 
@@ -35,6 +36,8 @@ pub struct Goal {
     has_strokes: bool,
     /// What a nC of charge takes off the score.
     charge_weight: f64,
+    /// How the scores with several masks make one; `None` for the pattern as drawn alone.
+    masks: Option<(usize, Criterion)>,
 }
 
 impl Goal {
@@ -82,6 +85,7 @@ impl Goal {
             area_penalty,
             has_strokes: false,
             charge_weight: 0.0,
+            masks: None,
         })
     }
 
@@ -97,6 +101,16 @@ impl Goal {
     #[must_use]
     pub fn with_charge_weight(self, charge_weight: f64) -> Self {
         Self { charge_weight, ..self }
+    }
+
+    /// The goal for fields with each of several masks, as [`WithMasks`](crate::WithMasks) predicts them: the first is
+    /// the mask as drawn, whose motions are those of the goal.
+    #[must_use]
+    pub fn with_masks(self, count: usize, criterion: Criterion) -> Self {
+        Self {
+            masks: Some((count, criterion)),
+            ..self
+        }
     }
 
     /// The target area fraction; `None` if the area is free.
@@ -172,6 +186,41 @@ impl Goal {
     /// The score of fields, independent of the area; larger is better.
     #[must_use]
     pub fn score(&self, fields: &[Field]) -> f64 {
+        match self.masks {
+            None => self.score_as_drawn(fields),
+            Some((count, criterion)) => criterion.score(&self.scores(fields, count)),
+        }
+    }
+
+    /// The score with each mask.
+    fn scores(&self, fields: &[Field], count: usize) -> Vec<f64> {
+        let of_masks = of_each_mask(fields, count);
+        of_masks.map(|fields| self.score_as_drawn(fields)).collect()
+    }
+
+    /// The value that counts for several masks: the worst, or the mean less some standard deviations, of the
+    /// displacement along the directions, or of the distance from targets, in mm; `None` for a mask as drawn.
+    #[must_use]
+    pub fn robust_value(&self, fields: &[Field]) -> Option<f64> {
+        let (count, criterion) = self.masks?;
+        let of_masks = of_each_mask(fields, count);
+        Some(match self.measure.needs_displacement() {
+            false => criterion.score(&of_masks.map(|fields| self.value_mm(fields)).collect::<Vec<_>>()),
+            true => {
+                let nearness = of_masks.map(|fields| -rms_error(&self.aims, &self.motions(fields)));
+                -criterion.score(&nearness.collect::<Vec<_>>())
+            }
+        })
+    }
+
+    /// The fields of the membrane at rest in all states, with each mask.
+    #[must_use]
+    pub fn at_rest(&self, states: usize) -> StateFields {
+        let masks = self.masks.map_or(1, |(count, _)| count);
+        vec![Field::zero(self.raster); states * masks]
+    }
+
+    fn score_as_drawn(&self, fields: &[Field]) -> f64 {
         let charge: f64 = fields.iter().map(Field::charge).sum();
         self.score_of(&self.motions(fields)) - self.charge_weight * charge
     }
@@ -180,7 +229,7 @@ impl Goal {
     /// much the targets are nearer.
     #[must_use]
     pub fn gain(&self, score: f64, states: usize) -> f64 {
-        SCALE_MM * (score - self.score(&vec![Field::zero(self.raster); states]))
+        SCALE_MM * (score - self.score(&self.at_rest(states)))
     }
 
     /// The score of the motions of the aims; larger is better.
@@ -193,6 +242,19 @@ impl Goal {
     /// with respect to the charge, per nC.
     #[must_use]
     pub fn slope(&self, fields: &[Field]) -> StateFields {
+        let Some((count, criterion)) = self.masks else {
+            return self.slope_as_drawn(fields);
+        };
+        let weights = criterion.weights(&self.scores(fields, count));
+        let of_masks = of_each_mask(fields, count).zip(weights);
+        let scaled = of_masks.flat_map(|(fields, weight)| {
+            let slopes = self.slope_as_drawn(fields).into_iter();
+            slopes.map(move |slope| slope.scaled(weight))
+        });
+        scaled.collect()
+    }
+
+    fn slope_as_drawn(&self, fields: &[Field]) -> StateFields {
         let gradients = self.measure.gradients(&self.aims, &self.motions(fields));
         let pairs = self.aims.iter().zip(gradients);
         let slopes = self.slopes(
@@ -227,6 +289,11 @@ impl Goal {
         let both = slopes.into_iter().map(field).zip(of_forces);
         both.map(|(slope, of_forces)| slope.with_reactions(of_forces)).collect()
     }
+}
+
+/// The fields in all states with each of several masks.
+fn of_each_mask(fields: &[Field], masks: usize) -> impl Iterator<Item = &[Field]> {
+    fields.chunks((fields.len() / masks.max(1)).max(1))
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ mod field_file;
 mod goal;
 mod measure;
 mod points;
+mod robust;
 mod rough;
 
 pub use aim::{Aim, BodyMarkers, Motion, PlacedAim, Subject};
@@ -14,4 +15,6 @@ pub use definition::{Objective, ResponseKind};
 pub use error::GoalError;
 pub use goal::{AREA_PENALTY, Goal, value_unit};
 pub use measure::{Displacement, Distance, MEASURES, Measure, Qin2024};
+pub use robust::{Criterion, Masks};
+pub(crate) use robust::{DRAWN, reach};
 pub use rough::RoughScore;

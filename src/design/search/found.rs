@@ -22,6 +22,9 @@ pub struct FoundDesign {
     pub predicted: StateFields,
     /// Predicted mean displacement along the target directions in mm.
     pub value_mm: f64,
+    /// The value that counts for several masks, as [`Goal::robust_value`](crate::Goal::robust_value); `None` for the
+    /// mask as drawn.
+    pub robust_value: Option<f64>,
     /// F; smaller is better.
     pub fitness: f64,
     /// `met`, or the requirements that are not met. The text is part of artifact digests.

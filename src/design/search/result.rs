@@ -5,7 +5,7 @@ use super::found::{Findings, FoundDesign, FoundPattern, SearchResult};
 use super::shortage::report_shortage;
 use super::{Search, SearchError};
 use crate::status::status_of;
-use deaflow_field::{Field, NO_FIELD, Predictor, StateFields};
+use deaflow_field::{NO_FIELD, Predictor, StateFields};
 use deaflow_pattern::{CELLS, Pattern, Role};
 
 impl Search<'_> {
@@ -72,10 +72,16 @@ impl Search<'_> {
             None => NO_FIELD.to_owned(),
             Some(_) => self.status(&found, feasible),
         };
-        let fields = fields.unwrap_or_else(|| vec![Field::zero(goal.raster()); self.drivers.len()]);
+        let mut fields = fields.unwrap_or_else(|| goal.at_rest(self.drivers.len()));
+        let (fitness, robust_value) = (
+            goal.fitness(self.constraints.area_fraction(&found.pattern), &fields),
+            goal.robust_value(&fields),
+        );
+        fields.truncate(self.drivers.len());
         FoundDesign {
             value_mm: goal.value_mm(&fields),
-            fitness: goal.fitness(self.constraints.area_fraction(&found.pattern), &fields),
+            fitness,
+            robust_value,
             role: found.role,
             member: found.member,
             units: found.units,

@@ -39,6 +39,7 @@ mod tests {
             pattern: Pattern::from_fn(Raster::PAPER, |_, _| false),
             predicted: vec![Field::zero(Raster::PAPER)],
             value_mm: 0.0,
+            robust_value: None,
             fitness: 1.0,
             status: status.to_owned(),
         }

@@ -65,9 +65,11 @@ impl Presenter for DesignPresenter {
                 .filter_map(|search| search.points.last())
                 .map(|(_, mm)| *mm);
             let (stage, unit) = (&source.stage.stage, source.of(view.unit())?);
+            let robust = source.of(robust_value(&view))?;
+            let robust = robust.map_or_else(String::new, |value| format!(" as drawn, robust {} {unit}", mm(value)));
             Ok(match best.reduce(f64::max) {
                 Some(value) => Headline::good(format!(
-                    "{stage}: best design {} {unit}, as predicted by the search, not verified",
+                    "{stage}: best design {} {unit}{robust}, as predicted by the search, not verified",
                     mm(value)
                 )),
                 None => Headline::good(format!("{stage}: designs, not verified")),
@@ -182,6 +184,18 @@ fn evaluators_table(page: &mut Page, evaluators: &[Evaluators]) {
         ("targets", Column::Wide),
     ];
     page.columns("Evaluators", &columns, &rows);
+}
+
+/// Returns the value that counts for several masks of the last design of a single target, if its objective is robust.
+fn robust_value(view: &DesignsView<'_>) -> Result<Option<f64>, StoreError> {
+    let (rows, robust) = (view.rows(), view.robust().read()?);
+    let (mut names, roles) = (rows.name().read()?, rows.role().read()?);
+    names.dedup();
+    let last = roles.iter().rposition(|role| role.is_found());
+    Ok(match (names.len(), robust, last) {
+        (1, Some(values), Some(row)) => values.get(row).copied(),
+        _ => None,
+    })
 }
 
 /// Returns the displacement of the best pattern of each generation.

@@ -25,11 +25,17 @@ pub struct Heading {
 
 const _: () = assert!(GENOME_UNITS == UNITS);
 
-/// Returns the content of the artifact of one target.
-pub fn designs(heading: Heading, found: SearchResult, scene: Scene, method: &str) -> Designs {
+/// Returns the content of the artifact of one target. With `is_robust`, the objective of this or another target of the
+/// stage is robust.
+pub fn designs(heading: Heading, found: SearchResult, is_robust: bool, (scene, method): (Scene, &str)) -> Designs {
     let name = heading.name.clone();
+    let values = found
+        .designs
+        .iter()
+        .map(|design| design.robust_value.unwrap_or(design.value_mm));
     Designs {
         value: found.designs.iter().map(|design| design.value_mm).collect(),
+        robust: is_robust.then(|| values.collect()),
         fitness: found.designs.iter().map(|design| design.fitness).collect(),
         history: history(&name, &found.generations),
         steps: steps(&name, &found.refinements),
@@ -57,7 +63,8 @@ pub fn front(heading: Heading, found: FoundFront, is_charge: bool, (scene, metho
         simulations: found.history.iter().map(|(count, _)| *count as u64).collect(),
         hypervolume: found.history.iter().map(|(_, reached)| *reached).collect(),
     };
-    let mut designs = designs(heading, found.result, scene, method);
+    let is_robust = found.result.designs.iter().any(|design| design.robust_value.is_some());
+    let mut designs = designs(heading, found.result, is_robust, (scene, method));
     let (rows, steps) = (&mut designs.rows, &mut designs.steps);
     for (at, member) in rows.member.iter_mut().enumerate() {
         let limit = std::mem::take(member) as usize;

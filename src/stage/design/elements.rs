@@ -2,7 +2,7 @@
 
 use super::DesignStage;
 use super::evaluators::{amplitude_parameters, amplitude_solver};
-use deaflow_design::{FiniteElements, ResponseKind, SearchError, Target};
+use deaflow_design::{FiniteElements, ResponseKind, SearchError, Target, WithMasks};
 use deaflow_fem::screening::resolved_states;
 use deaflow_fem::{GradientEvaluator, SafetyMargins, SetupError, ThreeSolves, at_peak};
 use deaflow_field::{Differentiable, Feasibility, InStates, PredictError, StateFields};
@@ -18,7 +18,7 @@ pub struct ForTarget<'a> {
 
 /// Models in each state of the device: for the gradient, and for the margins.
 pub struct TargetModels {
-    gradient: InStates<Box<dyn Differentiable + Send>>,
+    gradient: Box<dyn Differentiable<StateFields> + Send>,
     margins: Vec<SafetyMargins>,
 }
 
@@ -40,7 +40,9 @@ impl DesignStage {
         let response = target.objective.response();
         let has_same_models = |other: &Target| match response {
             ResponseKind::Amplitude(_) => other.objective == target.objective,
-            ResponseKind::Equilibrium | ResponseKind::After(_) => other.objective.response() == response,
+            ResponseKind::Equilibrium | ResponseKind::After(_) => {
+                other.objective.response() == response && other.masks == target.masks
+            }
         };
         let mut targets = self.task.targets.iter().zip(&self.models);
         let shared = targets.find(|(other, _)| has_same_models(other));
@@ -79,10 +81,12 @@ impl DesignStage {
                     limits.breakdown_margin,
                 )?);
             }
-            Ok(TargetModels {
-                gradient: InStates::new(gradient),
-                margins,
-            })
+            let drawn = InStates::new(gradient);
+            let gradient: Box<dyn Differentiable<StateFields> + Send> = match &target.masks {
+                None => Box::new(drawn),
+                Some(masks) => Box::new(WithMasks::new(Box::new(drawn), masks.offsets.clone(), &self.scene)),
+            };
+            Ok(TargetModels { gradient, margins })
         };
         let models = models().map_err(|e| SearchError::Setup(e.into()))?;
         Ok(shared.get_or_init(|| models))
@@ -91,7 +95,7 @@ impl DesignStage {
 
 impl FiniteElements for ForTarget<'_> {
     fn gradient(&self) -> Result<&dyn Differentiable<StateFields>, SearchError> {
-        Ok(&self.stage.models(self.target)?.gradient)
+        Ok(&*self.stage.models(self.target)?.gradient)
     }
 
     fn settings(&self) -> String {

@@ -3,10 +3,10 @@
 use std::fmt;
 
 use deaflow_base::{Canonical, Frequency, InputError, Node, Parameter, Schema, Time};
-use deaflow_design::{Candidate, Cause, Evaluators, Goal, ResponseKind};
+use deaflow_design::{Candidate, Cause, Evaluators, Goal, Masks, ResponseKind, WithMasks};
 use deaflow_fem::screening::resolved_states;
 use deaflow_fem::{Method, SetupError, SolverParameters, Swing, ThreeSolves, UnknownMethod, creep_settings};
-use deaflow_field::{Evaluator, Field, InStates, Mesh};
+use deaflow_field::{Evaluator, Field, InStates, Mesh, Predictor, StateFields};
 use deaflow_orchestrator::{Expectation, ResultSource, StageDeclaration};
 use deaflow_scene::Scene;
 use deaflow_surrogate::{NetworkKind, Surrogate};
@@ -113,7 +113,7 @@ fn networks(each: Vec<Surrogate>) -> Candidate {
     let each = each.into_iter().map(|network| Box::new(network) as Box<dyn Evaluator>);
     Candidate {
         settings: settings.join(", "),
-        evaluator: Ok(InStates::new(each.collect())),
+        evaluator: Ok(Box::new(InStates::new(each.collect::<Vec<_>>()))),
     }
 }
 
@@ -151,14 +151,17 @@ fn steps(scene: &Scene, time: Time, elements_per_cell: usize) -> Candidate {
 fn each(
     scene: &Scene,
     one: impl Fn(&Scene) -> Result<Box<dyn Evaluator>, SetupError>,
-) -> Result<InStates<Box<dyn Evaluator>>, Cause> {
+) -> Result<Box<dyn Predictor<StateFields>>, Cause> {
     let each = || {
         resolved_states(scene)?
             .iter()
             .map(one)
-            .collect::<Result<_, SetupError>>()
+            .collect::<Result<Vec<_>, SetupError>>()
     };
-    each().map(InStates::new).map_err(Into::into)
+    match each() {
+        Ok(each) => Ok(Box::new(InStates::new(each))),
+        Err(error) => Err(error.into()),
+    }
 }
 
 /// Returns the solver of amplitudes in a search: one bilinear element per cell has a small error.
@@ -191,6 +194,17 @@ pub fn amplitude_solver(
     let weights = goal.slope(&[Field::zero(goal.raster())]);
     let weights = weights.into_iter().next().unwrap_or_else(|| Field::zero(goal.raster()));
     Swing::new(scene, frequency.value(), weights, parameters)
+}
+
+/// Returns Newton's method on patterns with each of several masks, whose cells only it simulates.
+pub fn with_masks(scene: &Scene, masks: &Masks) -> Evaluators {
+    let Candidate { settings, evaluator } = elements(scene, None, Method::Newton, 1);
+    let wrap =
+        |model| -> Box<dyn Predictor<StateFields>> { Box::new(WithMasks::new(model, masks.offsets.clone(), scene)) };
+    Evaluators::Named(Candidate {
+        settings,
+        evaluator: evaluator.map(wrap),
+    })
 }
 
 /// Returns the evaluators of a search: the chosen one, or all in the order of their cost as measured by `deaflow
@@ -244,7 +258,7 @@ mod tests {
     use super::*;
     use deaflow_base::Document;
     use deaflow_design::{CandidateAccuracy, Constraints, DesignReferences, cheapest_evaluator, first_generation};
-    use deaflow_field::{Field, Predictor};
+    use deaflow_field::Field;
     use deaflow_pattern::{Membrane, Pattern, Raster};
 
     #[test]

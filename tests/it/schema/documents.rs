@@ -125,6 +125,9 @@ stages:
     constraints: { breakdown_margin: 1.5 } }
   highest: { kind: design, case: best, method: adjoint, units: 20, starts: 2, seed: 1, objective: { point: [25, 25], direction: 0 },
     constraints: { leads: true } }
+  padded: { kind: design, method: adjoint, seed: 1, objective: { point: [25, 25], direction: 0 }, constraints: {
+    keep_in: [{ rectangle: [[0, 20 mm], [4 mm, 30 mm]] }, { group: 1, shapes: [{ disc: { centre: [30, 25], radius: 2 } }] }], leads: { shapes: [{ disc: { centre: [2, 25], radius: 3 } }] } } }
+  wired: { kind: design, method: adjoint, seed: 1, objective: { point: [25, 25], direction: 0 }, constraints: { leads: { cells: [[0, 25]] } } }
   verified: { kind: verify, needs: [design, highest], method: newton, elements_per_cell: 1, order: 2, tolerance: 1e-6, time_limit: 60 s }
   taught: { kind: verify, needs: [judged], rounds: 3, update: { network: qin2024, epochs: 2, patience: 1, batch: 4, optimizer: muon,
     learning_rate: 0.001, weight_decay: 0, gradient_norm: 1, symmetry: none, max_weight: 0.2, auxiliary_weight: 0.1, verified_weight: 16, without: [audited], seed: 9 } }
@@ -359,6 +362,38 @@ properties: { sheet_resistance: 50 kOhm }",
   prestretch: 1 %, misregistration: 0.1 mm }",
 ];
 
+/// Adds robust objectives of forms.
+fn with_robust(mut document: Value, forms: [&str; 2]) -> Value {
+    let stages = document["stages"].as_object_mut().unwrap();
+    let designs = stages.values().filter(|stage| stage["kind"] == "design");
+    let of_targets = |stage: &Value| stage["targets"].as_array().cloned().unwrap_or_default();
+    let all = designs.flat_map(|stage| std::iter::once(stage.clone()).chain(of_targets(stage)));
+    let objectives: Vec<Value> = all.filter_map(|of| of.get("objective").cloned()).collect();
+    for form in forms {
+        let Some(objective) = objectives.iter().find(|objective| objective.get(form).is_some()) else {
+            continue;
+        };
+        let robust = [
+            "{ worst: [-0.3 mm, { mask: 0.1 mm, misregistration: [0.1 mm, 0.2 mm] }] }",
+            "{ mean_minus: 2, mask: 0.15 mm, misregistration: 0.1 mm }",
+        ];
+        let both = robust.map(|robust| {
+            let mut objective = objective.clone();
+            objective["robust"] = json(robust);
+            objective
+        });
+        for (at, objective) in both.iter().enumerate() {
+            let stage = serde_json::json!({ "kind": "design", "seed": 1, "objective": objective });
+            stages.insert(format!("{form}_robust{at}"), stage);
+        }
+        let targets = (0..2).map(|at| serde_json::json!({ "name": format!("t{at}"), "objective": both[at] }));
+        let targets: Vec<Value> = targets.collect();
+        let stage = serde_json::json!({ "kind": "design", "seed": 1, "targets": targets });
+        stages.insert(format!("{form}_robust"), stage);
+    }
+    document
+}
+
 /// Adds a front of each objective, so that all kinds of objectives are among two.
 fn with_fronts(mut document: Value) -> Value {
     let stages = document["stages"].as_object_mut().unwrap();
@@ -392,7 +427,9 @@ pub fn of(kind: Kind) -> Vec<Value> {
                 format!("  shaped{at}: {{ kind: patterns, edges: {edges}, shapes: [{{ group: 1, {shape} }}] }}\n")
             });
             let pipeline = PIPELINE.to_owned() + &stages.collect::<String>();
-            let all = [json(&pipeline), json(DEVICE), json(CREEP), json(SWING)];
+            let of_points = with_robust(json(&pipeline), ["point", "points"]);
+            let of_bodies = with_robust(json(DEVICE), ["body", "bar"]);
+            let all = [of_points, of_bodies, json(CREEP), json(SWING)];
             all.map(with_fronts).to_vec()
         }
         Kind::Scene => {

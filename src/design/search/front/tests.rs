@@ -66,6 +66,7 @@ fn searched(device: &TestDevice, cost: &str, points: usize) -> Result<FoundFront
         objective,
         area: Area(None),
         goal,
+        masks: None,
     };
     let constraints = Constraints::none(Membrane::square(50.0));
     let (elements, progress) = (Elements(InStates::one(device)), Searches::default());

@@ -1,22 +1,25 @@
 //! Electrodes as they are made: wider than drawn, one beside the other, with holes.
 
-use deaflow_pattern::{Coverage, CoverageError, Membrane, Part, Parts, Pattern};
+use super::coverage::{Coverage, CoverageError};
+use super::membrane::Membrane;
+use super::parts::{Part, Parts};
+use super::raster::Pattern;
 
 /// Distances in cells that are due to rounding.
 const ROUNDING: f64 = 1e-9;
 
 /// How electrodes differ from those drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Offsets {
+pub struct MaskOffsets {
     /// By how much they are wider at each edge, mm; narrower if negative.
     pub wider_mm: f64,
     /// Where the upper electrode lies against the lower one, mm.
     pub shift_mm: [f64; 2],
 }
 
-/// A pattern as it is made.
+/// A pattern as it is fabricated.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Made {
+pub enum Fabricated {
     /// The overlap of both electrodes.
     Pattern(Pattern),
     /// Electrodes of two groups touch.
@@ -58,17 +61,18 @@ impl Layer<'_> {
     }
 }
 
-/// Returns a pattern of whole cells as it is made. Only free membrane has electrodes that are not drawn.
+/// Returns a pattern of whole cells as it is fabricated, without the cells in `lost`, `[y][x]`. Only free membrane has
+/// electrodes that are not drawn.
 ///
 /// # Errors
 /// When shares of cells are not those of a covered pattern.
-pub(crate) fn made(
+pub fn fabricated(
     pattern: &Pattern,
     parts: Option<&Parts>,
     membrane: Membrane,
-    offsets: &Offsets,
+    offsets: &MaskOffsets,
     lost: &[bool],
-) -> Result<Made, CoverageError> {
+) -> Result<Fabricated, CoverageError> {
     let raster = membrane.raster;
     let [columns, rows] = raster.sides();
     let cell_mm = membrane.cell_mm();
@@ -99,13 +103,13 @@ pub(crate) fn made(
                 let middle = [x as f64 + 0.5 * (low_x + high_x), y as f64 + 0.5 * (low_y + high_y)];
                 let above = std::array::from_fn(|axis| middle[axis] - shift[axis]);
                 let (Some(lower), Some(upper)) = (layer.group(middle), layer.group(above)) else {
-                    return Ok(Made::ShortCircuit);
+                    return Ok(Fabricated::ShortCircuit);
                 };
                 if lower == 0 || upper == 0 {
                     continue;
                 }
                 if lower != upper {
-                    return Ok(Made::ShortCircuit);
+                    return Ok(Fabricated::ShortCircuit);
                 }
                 let area = (high_x - low_x) * (high_y - low_y);
                 is_shared |= ![0, lower].contains(&groups[at]);
@@ -115,10 +119,10 @@ pub(crate) fn made(
         }
     }
     if is_shared {
-        return Ok(Made::SharedCell);
+        return Ok(Fabricated::SharedCell);
     }
     let shares: Vec<f64> = shares.into_iter().map(|share: f64| share.min(1.0)).collect();
-    Coverage::new(raster, &groups, &shares).map(|coverage| Made::Pattern(Pattern::of_coverage(coverage)))
+    Coverage::new(raster, &groups, &shares).map(|coverage| Fabricated::Pattern(Pattern::of_coverage(coverage)))
 }
 
 /// Returns whether all cells at most so many cells away are alike.
