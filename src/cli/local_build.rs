@@ -1,5 +1,6 @@
 //! Builds a pipeline in this process and reports the results: the part that `run`, `attach` and `sweep` share.
 
+use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use serde_json::{Value, json};
@@ -242,7 +243,8 @@ impl CompleteBuild<'_> {
             rounds: &pipeline.rounds,
         };
         let neglected = neglected_effects(pipeline, &artifacts, build.verbosity.progress.mode())?;
-        let results = RunResults::cached(&artifacts, &pipeline.name, neglected, &observing(pipeline))?;
+        let of_samples = neglected.lines[neglected.lines.len() - neglected.of_samples..].to_vec();
+        let results = RunResults::cached(&artifacts, &pipeline.name, neglected.lines, &observing(pipeline))?;
         for text in results.warnings().cloned() {
             log.write(&Event::Warning { text });
         }
@@ -259,7 +261,12 @@ impl CompleteBuild<'_> {
         } else if build.verbosity.progress.quiet {
             results.warning_lines().for_each(|line| output.note(&line));
         } else {
-            output.text(build.results_text(&outcome, &results, &elsewhere, &access))?;
+            let mut text = build.results_text(&outcome, &results, &of_samples);
+            if !elsewhere.is_empty() {
+                text.line(build.elsewhere_line(&elsewhere, access.remote()));
+            }
+            build.add_next(&mut text, &results, access.store().root());
+            output.text(text)?;
         }
         if let Some((why, exit)) = doubt {
             output.warn(why);
@@ -273,34 +280,29 @@ impl CompleteBuild<'_> {
 }
 
 impl Build<'_> {
-    fn results_text(
-        &self,
-        outcome: &RunOutcome,
-        results: &RunResults,
-        elsewhere: &[StageArtifact],
-        access: &StoreAccess,
-    ) -> Text {
+    /// Returns the results, then their warnings. Without details, those in `of_samples` are only counted.
+    fn results_text(&self, outcome: &RunOutcome, results: &RunResults, of_samples: &[String]) -> Text {
         let mut text = Text::new();
         if self.verbosity.verbose {
             for part in results.text() {
                 text.line(format!("\n{part}"));
             }
             text.line("");
-        } else {
-            results.warning_lines().for_each(|line| {
-                text.line(line);
-            });
-        }
-        if !elsewhere.is_empty() {
-            text.line(self.elsewhere_line(elsewhere, access.remote()));
         }
         summary::add_results(&mut text, &self.pipeline.name, outcome, results.headlines());
-        summary::add_places(&mut text, results, access.store().root(), self.verbosity.verbose);
+        if !self.verbosity.verbose {
+            summary::add_warnings(&mut text, results, of_samples);
+        }
+        text
+    }
+
+    /// Adds where figures and artifacts are, and what may follow.
+    fn add_next(&self, text: &mut Text, results: &RunResults, store: &Path) {
+        summary::add_places(text, results, store, self.verbosity.verbose);
         // The pipeline in the file does not have the stages of a sweep.
         if self.command == Command::Run {
             text.command(format!("next: deaflow report {} -o report", self.of.shell_words()));
         }
-        text
     }
 
     /// Names the stages whose artifacts are on a remote only.

@@ -200,9 +200,11 @@ fn unknown(store: &Store, reference: &str) -> Result<CliError, CliError> {
     let last = store.runs()?.find(is_complete).transpose()?.unwrap_or_default();
     let names: Vec<&str> = last.stages.iter().map(|s| s.name.as_str()).collect();
     let root = store.root().display();
-    let error = CliError::bad_input(format!(
-        "neither a stage of a run in {root} nor a digest: {reference:?}"
-    ));
+    let is_digest = reference.len() >= MIN_DIGITS && reference.chars().all(|c| c.is_ascii_hexdigit());
+    let error = CliError::bad_input(match is_digest {
+        true => format!("no artifact in {root} has a digest that begins with {reference}"),
+        false => format!("no run in {root} has a stage named {reference:?}, and it is no digest"),
+    });
     Ok(match nearest(reference, &names) {
         Some(near) => error.help(format!(
             "did you mean `{near}`? stages of the last run: {}",

@@ -14,6 +14,14 @@ use deaflow_orchestrator::{Pipeline, StageSpec};
 use deaflow_report::{RunArtifacts, StageArtifact, warned_patterns};
 use deaflow_scene::{Effects, Scene};
 
+/// The warnings about effects that the simulations of a pipeline neglect, those about designs first.
+pub struct Neglected {
+    /// The warnings, a line each, after the names of the stages.
+    pub lines: Vec<String>,
+    /// The number of the last ones that are about samples only, although the pipeline verifies designs.
+    pub of_samples: usize,
+}
+
 /// Returns a warning for each significant effect that simulating stages neglect, after the names of those stages. It is
 /// about patterns that they have simulated. It depends on parts of the scene that affect no result (the drive in time,
 /// known material data), so artifacts do not contain it. Progress is shown in `mode`.
@@ -24,9 +32,9 @@ pub fn neglected_effects(
     pipeline: &Pipeline,
     run: &RunArtifacts<'_>,
     mode: ProgressMode,
-) -> Result<Vec<String>, CliError> {
+) -> Result<Neglected, CliError> {
     let stages = simulating(pipeline, run);
-    let mut warnings: Vec<(String, Vec<&str>)> = Vec::new();
+    let mut warnings: Vec<(String, Vec<&StageArtifact>)> = Vec::new();
     let screened_stages = stages.len().min(MAX_STAGES);
     let done = Arc::new(AtomicU64::new(0));
     let shown = show_progress(mode, done.clone(), screened_stages as u64);
@@ -35,24 +43,34 @@ pub fn neglected_effects(
         done.store(count, Ordering::Relaxed);
         for text in found {
             match warnings.iter_mut().find(|(known, _)| *known == text) {
-                Some((_, names)) => names.push(&stage.made.stage),
-                None => warnings.push((text, vec![&stage.made.stage])),
+                Some((_, of)) => of.push(stage.made),
+                None => warnings.push((text, vec![stage.made])),
             }
         }
     }
     drop(shown);
-    let mut lines: Vec<String> = warnings
-        .iter()
-        .map(|(text, names)| format!("{}: {text}", list(names)))
-        .collect();
+    let is_of_designs = |(_, of): &(String, Vec<&StageArtifact>)| of.iter().any(|made| made.kind == VERIFY);
+    warnings.sort_by_key(|warning| !is_of_designs(warning));
+    let verifies = stages.iter().any(|stage| stage.made.kind == VERIFY);
+    let of_samples = match verifies {
+        true => warnings.iter().filter(|warning| !is_of_designs(warning)).count(),
+        false => 0,
+    };
+    let line = |(text, of): &(String, Vec<&StageArtifact>)| {
+        let names: Vec<&str> = of.iter().map(|made| made.stage.as_str()).collect();
+        format!("{}: {text}", list(&names))
+    };
+    let mut lines: Vec<String> = warnings.iter().map(line).collect();
     if screened_stages < stages.len() {
-        lines.push(format!(
+        let at = lines.len() - of_samples;
+        let text = format!(
             "only the first {screened_stages} of {} stages were screened for neglected effects; use `deaflow screen` \
              for others",
             stages.len()
-        ));
+        );
+        lines.insert(at, text);
     }
-    Ok(lines)
+    Ok(Neglected { lines, of_samples })
 }
 
 /// Shows how many stages are screened, if that takes long, until the returned guard is dropped.
@@ -186,4 +204,7 @@ fn list(names: &[&str]) -> String {
 }
 
 /// The kinds of stages that only simulate the scene.
-const SIMULATING: [&str; 2] = ["solve", "verify"];
+const SIMULATING: [&str; 2] = ["solve", VERIFY];
+
+/// The kind of stages that simulate designs.
+const VERIFY: &str = "verify";

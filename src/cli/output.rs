@@ -13,7 +13,7 @@ use serde_json::json;
 use super::CliError;
 use super::text::{Text, lines};
 use super::tone::{Screen, Tone};
-use deaflow_base::{is_unprintable, printable, printable_json};
+use deaflow_base::{printable, printable_json};
 
 /// How a command ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -179,19 +179,54 @@ impl Output {
     pub fn usage(&self, error: &clap::Error) -> Exit {
         let is_help = !error.use_stderr();
         if let Some(why) = missing_pipeline(error) {
-            return self.end(Err(CliError::bad_input(format!("no pipeline given: {why}"))));
+            let help = match why.starts_with("no pipeline") {
+                true => "`deaflow init FOLDER` creates a project with one",
+                false => "name one of them",
+            };
+            return self.end(Err(CliError::bad_input(format!("no pipeline given: {why}")).help(help)));
         }
-        let text = error.render().to_string();
-        // A quoted file name may contain control characters.
-        if !is_help && (self.json || text.contains(is_unprintable)) {
-            let text = text.split("\n\nFor more information").next().unwrap_or_default();
-            return self.end(Err(CliError::bad_input(text.trim().trim_start_matches("error: "))));
+        // Without arguments, clap prints the help of the command.
+        let is_usage = error.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand;
+        if !is_help && !is_usage {
+            return self.end(Err(of_arguments(error)));
         }
         match error.print() {
             Err(e) if e.kind() != ErrorKind::BrokenPipe => Exit::Failure,
             _ if is_help => Exit::Done,
             _ => Exit::BadInput,
         }
+    }
+}
+
+/// The error of arguments in the form of all errors: what is wrong, and what helps.
+fn of_arguments(error: &clap::Error) -> CliError {
+    let text = error.render().to_string();
+    let mut paragraphs = text.trim().trim_start_matches("error: ").split("\n\n");
+    let message = paragraphs.next().unwrap_or_default();
+    let message: Vec<&str> = message.lines().map(str::trim).collect();
+    let message = message.join(" ").replace('\'', "`");
+    let found = CliError::bad_input(match error.kind() {
+        clap::error::ErrorKind::MissingRequiredArgument => {
+            message.replace("the following required arguments were not provided:", "missing:")
+        }
+        _ => message,
+    });
+    let suggested = [
+        ContextKind::SuggestedSubcommand,
+        ContextKind::SuggestedArg,
+        ContextKind::SuggestedValue,
+    ];
+    let near = suggested.into_iter().find_map(|kind| match error.get(kind)? {
+        ContextValue::String(one) => Some(one.clone()),
+        // The nearest is the last.
+        ContextValue::Strings(several) => several.last().cloned(),
+        _ => None,
+    });
+    let usage = paragraphs.find_map(|paragraph| paragraph.strip_prefix("Usage: "));
+    match (near, usage) {
+        (Some(near), _) => found.help(format!("did you mean `{near}`?")),
+        (None, Some(usage)) => found.help(format!("usage: {}", usage.trim())),
+        (None, None) => found,
     }
 }
 

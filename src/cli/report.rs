@@ -52,7 +52,7 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
     };
     history
         .model_warnings
-        .extend(neglected_effects(&pipeline, &artifacts, ProgressMode::Bars)?);
+        .extend(neglected_effects(&pipeline, &artifacts, ProgressMode::Bars)?.lines);
     check(&history, arguments)?;
     // Checked before the report is made.
     write::folder(&arguments.output)?;

@@ -26,6 +26,17 @@ pub fn add_results(text: &mut Text, pipeline: &str, outcome: &RunOutcome, (found
     }
 }
 
+/// Adds the warnings, a line each, and the number of those about samples, which matter less than those about designs.
+pub fn add_warnings(text: &mut Text, results: &RunResults, of_samples: &[String]) {
+    for warning in results.warnings().filter(|warning| !of_samples.contains(warning)) {
+        text.line(format!("warning: {warning}"));
+    }
+    if !of_samples.is_empty() {
+        let warnings = table::counted(of_samples.len() as u64, "warnings");
+        text.line(format!("and {warnings} about patterns of the dataset; -v prints all"));
+    }
+}
+
 /// Counts the stages by outcome; with the time of the run in s.
 fn built(stages: &[StageReport], seconds: f64) -> (Tone, String) {
     let count = |outcome| stages.iter().filter(|stage| stage.outcome == outcome).count() as u64;

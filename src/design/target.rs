@@ -264,13 +264,18 @@ impl Parameter for Area {
         }
         let area = Decimal::read(node, key, &(0.0..=1.0));
         area.map(|area| Self(Some(area))).map_err(|_| {
-            let why = match node.percentage() {
-                Some(area) if area.to_f64() > 1.0 => ": larger than the membrane",
-                Some(_) => ": negative",
+            let number: Option<f64> = node.found().parse().ok();
+            let why = match node.percentage().map_or(number, |share| Some(share.to_f64())) {
+                Some(area) if area > 1.0 => ", more than the membrane",
+                Some(_) => ", a negative area",
                 None => "",
             };
-            node.error(format!("`{key}` is {}{why}", node.found()))
-                .help("allowed: an area fraction from 0 to 1, a percentage such as `50 %`, or `free`")
+            let allowed = "allowed: a share of the free membrane from 0 to 1, a percentage such as `50 %`, or `free`";
+            let help = match number {
+                Some(area) if area > 1.0 && area <= 100.0 => format!("did you mean `{area} %`? {allowed}"),
+                _ => allowed.to_owned(),
+            };
+            node.error(format!("`{key}` is {}{why}", node.found())).help(help)
         })
     }
 
