@@ -72,6 +72,11 @@ impl Page {
         self.head.push(html! { p.lead { (prose(text)) } });
     }
 
+    /// Adds a part at the top.
+    pub fn top(&mut self, part: Markup) {
+        self.head.push(part);
+    }
+
     /// Adds numbers with their descriptions at the top.
     pub fn tiles(&mut self, tiles: &[(String, String)]) {
         if tiles.is_empty() {

@@ -73,7 +73,7 @@ fn has_units(design: &Design) -> bool {
 }
 
 /// Draws the electrode at rest, with the points and directions of the objective.
-fn pattern(design: &Design) -> Markup {
+pub(super) fn pattern(design: &Design) -> Markup {
     let description = format!(
         "Electrode pattern of {}: area {:.1} %",
         design.name,
@@ -92,7 +92,7 @@ fn pattern(design: &Design) -> Markup {
 }
 
 /// Draws the deformed electrode over the grid at rest, with the displacements of the points of the objective.
-fn deformed(design: &Design, state: Option<&StateField>, scale: f64) -> Markup {
+pub(super) fn deformed(design: &Design, state: Option<&StateField>, scale: f64) -> Markup {
     let how = if design.simulated.is_some() {
         "simulated"
     } else {
@@ -204,7 +204,7 @@ fn rows(design: &Design) -> Markup {
 }
 
 /// Writes the simulated value with its estimated error; `None` without a simulation.
-fn simulated(design: &Design) -> Option<String> {
+pub(super) fn simulated(design: &Design) -> Option<String> {
     match (design.simulated_mm, &design.outcome, design.error_mm) {
         (Some(value), _, error) => Some(format!("{} {}", mm_measured(value, error), design.objective.unit())),
         (None, Some(outcome), _) => Some(format!("no stable solution found ({outcome})")),

@@ -1,5 +1,6 @@
 //! The report of a pipeline as one page: the results at the top, then their basis.
 
+mod best;
 mod cards;
 mod costs;
 mod dag;
@@ -32,9 +33,9 @@ pub fn report_page(
     let mut page = Page::new(&history.pipeline);
     let warned = ReportWarnings::read(run, history)?;
     head(&mut page, history, designs, &warned);
-    dag::section(&mut page, history);
     designs::section(&mut page, designs, &mask_command(history, designs));
     designs::agreement(&mut page, designs);
+    dag::section(&mut page, history);
     for presenter in by_section() {
         presenter.section(&mut page, run)?;
     }
@@ -105,6 +106,9 @@ fn head(page: &mut Page, history: &PipelineHistory, designs: &[Design], warned: 
                 history.path
             ),
         ]);
+    }
+    if let Some(best) = best::best(designs) {
+        page.top(best);
     }
     page.warnings("Model warnings", &warned.of_model);
     page.warnings("Warnings", &warned.of_stages);

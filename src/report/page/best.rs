@@ -1,0 +1,108 @@
+//! The best design at the top of the page: its pattern, the deformed membrane, what it gains, and what limits that.
+
+use maud::{Markup, html};
+
+use super::cards::{FOLDER, deformed, pattern, simulated};
+use crate::designs::{Design, Role};
+use crate::drawing::{DeformedMembrane, exaggeration};
+use crate::format::{change, mm, percents};
+use deaflow_base::no_break_units;
+
+/// Draws the best design of a pipeline; `None` without a design of a search.
+pub fn best(designs: &[Design]) -> Option<Markup> {
+    let found: Vec<&Design> = designs.iter().filter(|design| design.role.is_found()).collect();
+    // The optimum is for comparison, unless there is nothing else.
+    let searched: Vec<&Design> = found
+        .iter()
+        .copied()
+        .filter(|design| design.role != Role::Optimum)
+        .collect();
+    let candidates = if searched.is_empty() { found } else { searched };
+    let first = candidates.first()?;
+    let several = designs.iter().any(|design| !design.has_same_target(first));
+    let of_first = candidates
+        .iter()
+        .copied()
+        .filter(|design| design.has_same_target(first));
+    let value = |design: &&Design| match design.distance_mm {
+        Some(distance) => -distance,
+        None => design.simulated_mm.or(design.predicted_mm).unwrap_or(f64::NEG_INFINITY),
+    };
+    let design = of_first.reduce(|best, one| if value(&one) > value(&best) { one } else { best })?;
+    let membranes: Vec<DeformedMembrane> = design.membranes();
+    let scale = exaggeration(&membranes);
+    let times = match scale {
+        1.0 => "true to scale".to_owned(),
+        scale => format!("displacements drawn {scale} times as large"),
+    };
+    Some(html! {
+        section.best aria-label="Best design" {
+            div.pair {
+                figure { (pattern(design)) figcaption { "Electrode" } }
+                @match design.states.first() {
+                    Some(state) => { figure { (deformed(design, Some(state), scale)) figcaption { (state.name) ", " (times) } } }
+                    None => { figure { (deformed(design, None, scale)) figcaption { "With voltage, " (times) } } }
+                }
+            }
+            div {
+                p.value { (no_break_units(&sentence(design))) }
+                ul { @for line in facts(design, several.then_some(designs)) { li { (no_break_units(&line)) } } }
+                p.files {
+                    @if let Some(mask) = design.mask_file() { a href={ (FOLDER) (mask) } { "mask (DXF)" } ", " }
+                    a href={ (FOLDER) (design.pattern_file()) } { "pattern (CSV)" }
+                }
+            }
+        }
+    })
+}
+
+/// Says how far the design moves, and at which voltage.
+fn sentence(design: &Design) -> String {
+    let value = simulated(design).unwrap_or_else(|| match design.predicted_mm {
+        Some(value) => format!("{} {} predicted", mm(value), design.objective.unit()),
+        None => "no value".to_owned(),
+    });
+    let volts = design.scene.drive.voltages.in_volts();
+    let at = match (&volts[..], design.states.is_empty(), &design.scene.drive.charge) {
+        ([one], true, None) => format!(" at {} kV", one / 1000.0),
+        _ => String::new(),
+    };
+    format!("{value}{at}")
+}
+
+/// What the design is for, what it gains, and how sure it is. `all` are the designs of all targets, if there are
+/// several.
+fn facts(design: &Design, all: Option<&[Design]>) -> Vec<String> {
+    let mut facts = Vec::new();
+    let quantity = design.objective.quantity();
+    let of = format!("{quantity} of {}", design.objective.description());
+    facts.push(match all {
+        None => of,
+        Some(_) => format!("{}: {of}", design.target),
+    });
+    facts.push(format!("electrode on {} of the membrane", percents(design.area)));
+    let gain = |other: Option<f64>, text: &str| {
+        let gain = design.gain_over(other?)?;
+        Some(format!("{} over the intuitive design {text}", change(gain)))
+    };
+    let compared = &design.compared;
+    facts.extend(gain(compared.intuitive_equal_area, "of the same area"));
+    facts.extend(gain(compared.intuitive_own, "at its own area"));
+    if let (Some(ratio), Some(optimum)) = (compared.ratio, compared.optimum_is)
+        && design.role != Role::Optimum
+    {
+        facts.push(format!("{} of {optimum}", percents(ratio)));
+    }
+    if design.simulated_mm.is_none() {
+        facts.push("not verified by finite elements on two meshes".to_owned());
+    } else if design.error_mm.is_some() {
+        facts.push("±: error of the mesh; the error of the model is not included".to_owned());
+    }
+    if !matches!(design.status.as_str(), "" | "met") {
+        facts.push(format!("not met: {}", design.status));
+    }
+    if all.is_some() {
+        facts.push("the designs of the other targets are below".to_owned());
+    }
+    facts
+}
