@@ -37,6 +37,11 @@ pub struct StoreArguments {
 }
 
 impl StoreArguments {
+    /// Returns the arguments for a given folder, or for the default one.
+    pub fn of(store: Option<PathBuf>) -> Self {
+        Self { store }
+    }
+
     /// Returns the folder given on the command line.
     pub fn given(&self) -> Option<&Path> {
         self.store.as_deref()

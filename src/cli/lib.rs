@@ -86,7 +86,9 @@ use deaflow_hdf as hdf;
 pub use decisions::decide;
 pub use error::CliError;
 pub use output::Exit;
-pub use solve::{Equilibria, SolveRequest, Solved};
+pub use predict::{Model, Predictions};
+pub use screen::screen;
+pub use solve::{Analysed, Analysis, Computation, Equilibria, Frequencies, OutputTimes, SolveRequest, Solved};
 
 /// Prepares what commands do at their start for a program that calls parts of them, as Python does. `words` start the
 /// command line in a process of its own; `sources` is the digest of the sources of this build.

@@ -67,9 +67,13 @@ pub fn read_scene(path: &Path, output: &Output) -> Result<Scene, CliError> {
 
 /// Prints how numbers without a unit in the value of an option were read, after it was read.
 pub fn warn_of_units(document: &Document, output: &Output) {
-    let note = document.root.bare_numbers();
-    note.into_iter()
-        .for_each(|note| output.warn(format_args!("{}: {note}", document.root.file().display())));
+    note_on_units(document).into_iter().for_each(|note| output.warn(note));
+}
+
+/// Returns how numbers without a unit in the value of an option were read, after it was read; `None` if all have one.
+pub fn note_on_units(document: &Document) -> Option<String> {
+    let note = document.root.bare_numbers()?;
+    Some(format!("{}: {note}", document.root.file().display()))
 }
 
 /// Reads a lock file.

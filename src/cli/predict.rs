@@ -2,29 +2,28 @@
 
 mod calibration;
 mod intervals;
+mod model;
 
 use std::path::PathBuf;
-use std::time::Instant;
 
 use clap::Args;
 use serde_json::json;
 
 use super::arguments::{PatternArguments, StateArguments, StoreArguments};
-use super::job::{Job, JobResult, attached_files, extend, seconds_each};
+use super::job::{Job, JobResult, attached_files, extend};
 use super::pipeline::read_scene;
-use super::point::{PointArguments, Probe};
+use super::point::PointArguments;
 use super::results::{self, FEW, Peak, SampleId, SampleResult};
 use super::text::Text;
-use super::{CliError, Exit, Output, model, write};
-use deaflow_base::{Digest, Progress};
-use deaflow_content::{Packed, SolveFile};
-use deaflow_field::{Field, OutcomeKind, Predictor};
-use deaflow_pattern::{Edges, Pattern};
+use super::{CliError, Exit, Output, write};
+use deaflow_content::SolveFile;
+use deaflow_field::{Field, OutcomeKind};
+use deaflow_pattern::Edges;
 use deaflow_scene::Scene;
 use deaflow_stage::direct::NamedPatterns;
-use deaflow_surrogate::{COVERAGE, Surrogate};
 
 use intervals::Intervals;
+pub use model::{Model, Predictions};
 
 /// Predict displacements with a trained model, with intervals if it is calibrated
 #[derive(Debug, Args)]
@@ -83,28 +82,25 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
         .map(|path| read_scene(path, output))
         .transpose()?;
     let scene = scene.map(|scene| arguments.state.of(scene)).transpose()?;
-    let weights = model::weights(&arguments.model, &arguments.store_folder())?;
-    let surrogate = surrogate(&weights, scene.as_ref())?;
+    let model = Model::read_from(
+        &arguments.model,
+        arguments.calibration.clone(),
+        arguments.store_folder(),
+    )?;
+    if let Some(scene) = &scene {
+        model.check_scene(scene)?;
+    }
     let NamedPatterns {
         patterns, names, notes, ..
-    } = arguments.patterns.read(surrogate.form(), Edges::Cells)?;
+    } = arguments.patterns.read(model.form(), Edges::Cells)?;
     notes.iter().for_each(|note| output.warn(note));
-    let calibration = calibration::find(arguments, &weights)?;
+    let calibration = model.calibration(&arguments.objective)?;
     let table = file.map(|file| attached_files(file)[0].clone());
-    match (&calibration, &table) {
-        (Some(_), Some(table)) => {
-            write::check_csv(table)?;
-            write::check_not_read(table, &arguments.inputs())?;
-        }
-        (None, _) if !arguments.objective.is_empty() => {
-            return Err(
-                CliError::bad_input("--objective needs a calibration, and this model has none")
-                    .help("name the result of a stage of kind `calibrate` with --calibration"),
-            );
-        }
-        _ => {}
+    if let (Some(_), Some(table)) = (&calibration, &table) {
+        write::check_csv(table)?;
+        write::check_not_read(table, &arguments.inputs())?;
     }
-    let scene = surrogate.scene().and_then(|text| Scene::from_text(text).ok());
+    let scene = model.scene().and_then(|text| Scene::from_text(text).ok());
     let probe = match &scene {
         Some(scene) => arguments.point.on(scene)?,
         None if arguments.point.is_given() => {
@@ -115,12 +111,14 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
         None => None,
     };
     let job = Job::start("predict", file, "predict", patterns.len());
-    let (fields, seconds) = predict(&surrogate, &patterns, &job.bar)?;
-    let of = |calibration| Intervals::of(calibration, &arguments.objective, &patterns, &fields, output);
-    let intervals = calibration.map(of).transpose()?;
+    let predictions = model.predict_with(&patterns, calibration, &arguments.objective, &job.bar)?;
+    let (fields, intervals) = (&predictions.fields, &predictions.intervals);
+    for note in intervals.iter().flat_map(Intervals::notes) {
+        output.warn(note);
+    }
     let parameters = format!("model {}", arguments.model);
-    if let (Some(intervals), Some(table)) = (&intervals, &table) {
-        let source = format!("{parameters}, {}", Digest::of(&weights));
+    if let (Some(intervals), Some(table)) = (intervals, &table) {
+        let source = format!("{parameters}, {}", model.weights());
         write::csv(table, intervals.csv()?.as_bytes(), "deaflow predict", &source)?;
     }
     let cell_mm = scene.map(|scene| scene.membrane().cell_mm());
@@ -142,11 +140,18 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
     if intervals.is_none() || results.len() > FEW || probe.is_some() {
         text.append(results::text(&results, file, probe.as_ref()));
     }
-    match &intervals {
+    match intervals {
         Some(intervals) => text.append(intervals.text(table.as_deref())),
         None => text.line("the errors are not known: the model has no calibration; name one with --calibration"),
     };
-    let content = content(&surrogate, &patterns, &fields, seconds, intervals.as_ref(), probe);
+    let (at_point, point) = probe
+        .map(|probe| probe.of_all(fields.iter().map(|field| Some(probe.of(field)))))
+        .unzip();
+    let content = SolveFile {
+        at_point,
+        point,
+        ..model.content(&patterns, &predictions)
+    };
     let result = JobResult {
         patterns: patterns.len(),
         arrays: content.object(),
@@ -158,59 +163,4 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
         exit: Exit::Done,
     };
     job.finish(result, output)
-}
-
-/// Reads the network of a safetensors file, which must have been trained for the scene, if one is given.
-fn surrogate(weights: &[u8], scene: Option<&Scene>) -> Result<Surrogate, CliError> {
-    let refused = |e: &dyn std::fmt::Display| CliError::bad_input(format!("cannot use the model: {e}"));
-    let surrogate = Surrogate::load(weights).map_err(|e| refused(&e))?;
-    if let Some(scene) = scene {
-        surrogate.check_scene(scene).map_err(|e| refused(&e))?;
-    }
-    Ok(surrogate)
-}
-
-/// Predicts the fields of patterns; returns them with the computing time of each, s.
-fn predict(
-    surrogate: &Surrogate,
-    patterns: &[Pattern],
-    progress: &dyn Progress,
-) -> Result<(Vec<Field>, Vec<f64>), CliError> {
-    let (mut fields, mut seconds) = (Vec::with_capacity(patterns.len()), Vec::with_capacity(patterns.len()));
-    for batch in patterns.chunks(256) {
-        let start = Instant::now();
-        fields.extend(surrogate.predict(batch)?);
-        seconds.extend(seconds_each(start, batch.len()));
-        progress.advance(batch.len() as u64);
-    }
-    Ok((fields, seconds))
-}
-
-fn content(
-    surrogate: &Surrogate,
-    patterns: &[Pattern],
-    fields: &[Field],
-    seconds: Vec<f64>,
-    intervals: Option<&Intervals>,
-    probe: Option<Probe>,
-) -> SolveFile {
-    let (at_point, point) = probe
-        .map(|probe| probe.of_all(fields.iter().map(|field| Some(probe.of(field)))))
-        .unzip();
-    SolveFile {
-        patterns: patterns.to_vec(),
-        outcome: vec![OutcomeKind::Predicted; patterns.len()],
-        max_displacement: fields.iter().map(Field::max_magnitude).collect(),
-        displacement: Packed(fields.iter().flat_map(Field::values).copied().collect()),
-        at_point,
-        point,
-        solve_seconds: seconds,
-        scene: surrogate.scene().unwrap_or_default().to_owned(),
-        network: Some(surrogate.kind().name().to_owned()),
-        intervals: intervals.map(Intervals::content),
-        coverage: intervals.map(|_| COVERAGE.to_string()),
-        calibration: intervals.map(Intervals::digest),
-        basis: intervals.map(Intervals::basis),
-        ..SolveFile::default()
-    }
 }

@@ -112,13 +112,11 @@ fn text(screening: &Screening) -> Text {
     text
 }
 
-/// Screens a scene at the largest voltages of all its states, with the patterns of the command line, or else with
-/// reference
-/// patterns.
+/// Screens a scene at the largest voltages of all its states, with given patterns, or else with reference patterns.
 ///
 /// # Errors
-/// When a pattern cannot be read, or the effects cannot be simulated.
-fn screen(scene: Scene, patterns: Option<Vec<TestPattern>>, limit: WorkLimit) -> Result<Screening, CliError> {
+/// When the effects cannot be simulated.
+pub fn screen(scene: Scene, patterns: Option<Vec<TestPattern>>, limit: WorkLimit) -> Result<Screening, CliError> {
     let scene = scene.at_largest_voltages();
     let own = patterns.is_some();
     let patterns = patterns.unwrap_or_else(|| screening::reference_patterns(&scene));

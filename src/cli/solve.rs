@@ -1,6 +1,7 @@
 //! `deaflow solve`: simulates patterns. Each form of it (equilibria, load paths, histories, modes, responses) is a
 //! child module.
 
+mod analysis;
 mod cells;
 mod equilibria;
 mod equilibrium;
@@ -28,10 +29,14 @@ use deaflow_field::{Mesh, Order};
 use deaflow_pattern::{Edges, has_patterns};
 use deaflow_stage::direct::{self, ReadScene};
 
+pub use analysis::{Analysed, Analysis};
 pub use equilibria::{Equilibria, SolveRequest, Solved};
 use history::HistoryArguments;
+pub use history::OutputTimes;
 use modes::ModesArguments;
+pub use response::Frequencies;
 use response::ResponseArguments;
+pub use simulation::Computation;
 
 /// The heading of options about the numerical method.
 const METHOD: &str = "Method";

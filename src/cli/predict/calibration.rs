@@ -2,9 +2,7 @@
 
 use std::path::Path;
 
-use super::PredictArguments;
-use crate::{CliError, locate, model};
-use deaflow_base::Digest;
+use crate::{CliError, locate, model as models};
 use deaflow_content::{ArtifactKind, Calibration};
 use deaflow_stage::calibrate::{self, CalibratedModel};
 use deaflow_store::Artifact;
@@ -19,20 +17,24 @@ pub struct NamedCalibration {
     pub calibrated: CalibratedModel,
 }
 
-/// Finds the calibration of the model in a file with these bytes; none if none is named and no run has made one.
+/// Finds the calibration of a model, which has a name and the digest of its file; none if none is named and no run has
+/// made one.
 ///
 /// # Errors
 /// When the named artifact is not a calibration of this model, or is damaged.
-pub fn find(arguments: &PredictArguments, weights: &[u8]) -> Result<Option<NamedCalibration>, CliError> {
-    let (store, weights) = (arguments.store_folder(), Digest::of(weights).to_string());
-    let found = match &arguments.calibration {
+pub fn find(
+    (model, weights): (&str, &str),
+    calibration: Option<&str>,
+    store: &Path,
+) -> Result<Option<NamedCalibration>, CliError> {
+    let found = match calibration {
         Some(name) => {
-            let artifact = model::of_kind(name, &store, ArtifactKind::Calibrate, "calibration")?;
-            Some((name.clone(), artifact))
+            let artifact = models::of_kind(name, store, ArtifactKind::Calibrate, "calibration")?;
+            Some((name.to_owned(), artifact))
         }
         // The store of this folder may belong to another project than the file.
-        None if model::is_file(&arguments.model) => None,
-        None => of_runs(&store, &weights)?,
+        None if models::is_file(model) => None,
+        None => of_runs(store, weights)?,
     };
     let Some((name, artifact)) = found else {
         return Ok(None);
@@ -49,7 +51,7 @@ pub fn find(arguments: &PredictArguments, weights: &[u8]) -> Result<Option<Named
             "calibration {} belongs to the model {:.12}, not to {}",
             digest.short(),
             other.model,
-            arguments.model
+            model
         ))
         .help(
             "calibrate this model: add a stage of kind `calibrate` that needs it and patterns it was not trained on",

@@ -6,12 +6,12 @@ use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::calibration::NamedCalibration;
-use crate::pipeline::warn_of_units;
+use crate::pipeline::note_on_units;
 use crate::results::FEW;
 use crate::table::{Cell, Table, table};
 use crate::text::Text;
 use crate::tone::Tone;
-use crate::{CliError, Output, csv, write};
+use crate::{CliError, csv, write};
 use deaflow_base::{Document, error_digits, rounded_by};
 use deaflow_content::{LongTexts, ObjectiveIntervals, PredictionIntervals};
 use deaflow_design::{Goal, Objective};
@@ -24,12 +24,15 @@ use deaflow_surrogate::{COVERAGE, Interval};
 struct RequestedObjective {
     text: String,
     goal: Goal,
+    /// How numbers without a unit were read.
+    note: Option<String>,
 }
 
 /// The intervals of predictions.
 pub struct Intervals {
     calibration: NamedCalibration,
     objectives: Vec<String>,
+    notes: Vec<String>,
     rows: Vec<PredictionRow>,
 }
 
@@ -52,12 +55,11 @@ impl Intervals {
         objectives: &[String],
         patterns: &[Pattern],
         fields: &[Field],
-        output: &Output,
     ) -> Result<Self, CliError> {
         let scene = &calibration.calibrated.scene;
         let requested = objectives
             .iter()
-            .map(|text| requested_objective(text, scene, output))
+            .map(|text| requested_objective(text, scene))
             .collect::<Result<Vec<_>, _>>()?;
         let model = &calibration.calibrated.calibration;
         let half_widths: Vec<_> = requested
@@ -86,9 +88,18 @@ impl Intervals {
         drop(half_widths);
         Ok(Self {
             calibration,
+            notes: requested
+                .iter()
+                .filter_map(|objective| objective.note.clone())
+                .collect(),
             objectives: requested.into_iter().map(|objective| objective.text).collect(),
             rows,
         })
+    }
+
+    /// Returns how numbers without a unit in the objectives were read.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
     }
 
     /// Returns the digest of the calibration.
@@ -262,13 +273,13 @@ impl Intervals {
 }
 
 /// Reads an objective in the syntax of a design stage.
-fn requested_objective(text: &str, scene: &Scene, output: &Output) -> Result<RequestedObjective, CliError> {
+fn requested_objective(text: &str, scene: &Scene) -> Result<RequestedObjective, CliError> {
     let document = Document::from_text(Path::new("--objective"), text)?;
     let objective = Objective::read(&document.root)?;
-    warn_of_units(&document, output);
     let goal = objective.goal(scene, None, 0.0);
     Ok(RequestedObjective {
         text: objective.to_text(),
+        note: note_on_units(&document),
         goal: goal.map_err(|e| document.root.error(e.to_string()))?,
     })
 }

@@ -26,7 +26,7 @@ const ONE_MESH: &str = "critical voltages of a single mesh are slightly too high
 const NOT_CHECKED: &str = "not checked, because of --no-checks: whether a finer mesh finds a stable solution, and how \
                            much neglected effects would change the displacement";
 
-const FORM: Form = Form {
+pub const FORM: Form = Form {
     name: "solve",
     has_attachments: false,
     states: States::Each,
@@ -48,8 +48,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
         output.warn(faint);
     }
     let probe = arguments.point.on(scene)?;
-    let parameters = arguments.parameters();
-    let equilibria = Equilibria::new(scene, &parameters)?;
+    let equilibria = Equilibria::new(scene, &simulation.parameters)?;
     let request = SolveRequest {
         patterns: &simulation.patterns,
         drawings: &simulation.drawings,
@@ -57,7 +56,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
         checks: !arguments.no_checks,
     };
     let solved = equilibria.solve(&request, &simulation.job.bar)?;
-    let results = results(&simulation, &solved, &parameters, probe);
+    let results = results(&simulation, &solved, probe);
     let warnings = solved.warnings();
     let (at_point, point) = probe
         .map(|probe| probe.of_all(solved.fields().map(|field| field.map(|field| probe.of(field)))))
@@ -68,7 +67,10 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
         ..solved.content()
     };
     let mut report = text(&results, arguments.patterns.output.as_deref(), probe.as_ref());
-    report.append(remarks(&results, critical_note(solved.runs(), &results, &parameters)));
+    report.append(remarks(
+        &results,
+        critical_note(solved.runs(), &results, &simulation.parameters),
+    ));
     if arguments.no_checks {
         report.line(NOT_CHECKED);
     }
@@ -78,7 +80,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     let result = JobResult {
         patterns: simulation.patterns.len(),
         arrays: content.in_states(&equilibria.states()),
-        parameters: simulation.parameters(""),
+        parameters: simulation.described(""),
         attachments: None,
         warnings,
         document: found,
@@ -88,14 +90,9 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     simulation.finish(result, output)
 }
 
-fn results(
-    simulation: &Simulation<'_>,
-    solved: &Solved<'_>,
-    parameters: &SolverParameters,
-    probe: Option<Probe>,
-) -> Vec<SampleResult> {
+fn results(simulation: &Simulation<'_>, solved: &Solved<'_>, probe: Option<Probe>) -> Vec<SampleResult> {
     let cell_mm = simulation.scene.membrane().cell_mm();
-    let accuracy_mm = parameters.accuracy().map(|accuracy| accuracy.value());
+    let accuracy_mm = simulation.parameters.accuracy().map(|accuracy| accuracy.value());
     let result = |(index, run): (usize, &StateRun)| {
         let AccurateSimulation {
             simulation: solution,

@@ -4,7 +4,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::SolveArguments;
-use super::simulation::{Form, PatternSolver, Simulation, States};
+use super::simulation::{Computation, Form, PatternSolver, Simulation, States};
 use crate::arguments::quantity;
 use crate::job::{Attachments, JobResult, extend};
 use crate::side_results::SideResults;
@@ -79,8 +79,51 @@ fn times(text: &str) -> Result<Times, String> {
 }
 
 impl HistoryArguments {
-    /// Returns the output times for a scene.
-    fn times(&self, scene: &Scene) -> Result<Vec<f64>, CliError> {
+    /// Returns the requested output times.
+    fn times(&self) -> OutputTimes {
+        OutputTimes {
+            at: self.at.clone(),
+            every: self.every,
+        }
+    }
+}
+
+/// The output times of a history: given ones, or multiples of an interval up to the end of the drive; by default 25
+/// times up to the end.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct OutputTimes {
+    at: Option<Times>,
+    every: Option<Time>,
+}
+
+impl OutputTimes {
+    /// Returns given times, as in "0 s, 1 s, 10 min".
+    ///
+    /// # Errors
+    /// When one is not a time, or out of range, or there are too many.
+    pub fn at(text: &str) -> Result<Self, String> {
+        Ok(Self {
+            at: Some(times(text)?),
+            every: None,
+        })
+    }
+
+    /// Returns the multiples of an interval, as in "10 s".
+    ///
+    /// # Errors
+    /// When it is not a time, or out of range.
+    pub fn every(text: &str) -> Result<Self, String> {
+        Ok(Self {
+            at: None,
+            every: Some(time(text)?),
+        })
+    }
+
+    /// Returns the times for a scene in s, in order.
+    ///
+    /// # Errors
+    /// When they depend on the duration of the drive, and it has none or they do not fit into it.
+    fn of(&self, scene: &Scene) -> Result<Vec<f64>, CliError> {
         if let Some(Times(times)) = &self.at {
             return Ok(times.clone());
         }
@@ -141,7 +184,7 @@ fn is_step(scene: &Scene) -> bool {
     scene.waveform().step.is_some()
 }
 
-const FORM: Form = Form {
+pub const FORM: Form = Form {
     name: "history",
     has_attachments: true,
     states: States::Chosen("a history"),
@@ -155,28 +198,22 @@ const FORM: Form = Form {
 /// When a file would be lost, the scene or a pattern cannot be used, or a file cannot be written.
 pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliError> {
     let simulation = Simulation::read(arguments, &FORM)?;
-    let times = arguments.history.times(&simulation.scene)?;
-    let tests = TestPattern::some_of(&simulation.patterns, "pattern");
-    let mut screened = ScreenedScene::for_patterns(&simulation.scene, &tests, arguments.time.work_limit())?;
-    screened.warnings_in_time.extend(screened.breakdown_warning.take());
-    let parameters = arguments.parameters();
-    let set_up = |scene: &Scene| parameters.history_solver(scene, times.clone());
-    let solver = PatternSolver::new(&screened.scene, set_up)?;
-    let (followed, displacement) = follow(&simulation, times.len(), |pattern| {
-        Ok(solver.with(pattern, |solver| solver.follow(pattern))??)
-    })?;
-    let missed = missed(&followed, parameters.accuracy().map(|accuracy| accuracy.value()));
+    let SimulatedHistories { followed, content } =
+        SimulatedHistories::follow(&simulation.computation(), &arguments.history.times())?;
+    let accuracy = simulation.parameters.accuracy();
+    let missed = missed(&followed, accuracy.map(|accuracy| accuracy.value()));
     let mut text = Text::of(overview(&followed));
     for line in sides(&followed).iter().chain(missed.iter().map(|(_, line)| line)) {
         text.line(line);
     }
     let is_unstable = |one: &&PatternHistory| !one.history.outcome.is_converged();
     let unstable = followed.iter().filter(is_unstable).count();
-    let (curves, is_step) = (curves(&followed), is_step(&screened.scene));
+    let (curves, is_step) = (curves(&followed), is_step(&content.scene));
+    let (times, warnings) = (content.time.clone(), content.warnings.0.clone());
     let result = JobResult {
         patterns: followed.len(),
-        arrays: histories(&simulation, &screened, &times, &followed, displacement).object(),
-        parameters: simulation.parameters(", history"),
+        arrays: content.object(),
+        parameters: simulation.described(", history"),
         attachments: Some(Attachments {
             title: "deaflow solve --history",
             table: steps_table(&followed)?,
@@ -188,11 +225,41 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
             "unstable": unstable,
             "accuracy_missed": missed.iter().map(|(index, _)| index).collect::<Vec<_>>(),
         }),
-        warnings: screened.warnings_in_time,
+        warnings,
         text,
         exit: if unstable > 0 { Exit::Unstable } else { Exit::Done },
     };
     simulation.finish(result, output)
+}
+
+/// The histories of patterns.
+pub struct SimulatedHistories {
+    followed: Vec<PatternHistory>,
+    /// The arrays.
+    pub content: Histories,
+}
+
+impl SimulatedHistories {
+    /// Simulates the drive of each pattern in time.
+    ///
+    /// # Errors
+    /// When the times do not fit the drive, a pattern cannot be simulated, or memory is short.
+    pub fn follow(computation: &Computation<'_>, times: &OutputTimes) -> Result<Self, CliError> {
+        let times = times.of(computation.scene)?;
+        let parameters = computation.parameters;
+        let tests = TestPattern::some_of(computation.patterns, "pattern");
+        let mut screened = ScreenedScene::for_patterns(computation.scene, &tests, parameters.work_limit())?;
+        screened.warnings_in_time.extend(screened.breakdown_warning.take());
+        let set_up = |scene: &Scene| parameters.history_solver(scene, times.clone());
+        let solver = PatternSolver::new(&screened.scene, set_up)?;
+        let (followed, displacement) = follow(computation, times.len(), |pattern| {
+            Ok(solver.with(pattern, |solver| solver.follow(pattern))??)
+        })?;
+        Ok(Self {
+            content: histories(computation, screened, times, &followed, displacement),
+            followed,
+        })
+    }
 }
 
 /// A history without its fields: these are moved into one array, since there may be gigabytes of them.
@@ -237,12 +304,12 @@ impl PatternHistory {
 
 /// Simulates the histories; returns them, and the displacement of all at all times.
 fn follow(
-    simulation: &Simulation<'_>,
+    computation: &Computation<'_>,
     times: usize,
     history: impl Fn(&Pattern) -> Result<AccurateHistory, CliError> + Sync,
 ) -> Result<(Vec<PatternHistory>, Vec<f64>), CliError> {
-    let patterns = simulation.patterns.len();
-    let numbers = times * 2 * simulation.scene.membrane().raster.corners();
+    let patterns = computation.patterns.len();
+    let numbers = times * 2 * computation.scene.membrane().raster.corners();
     let mut displacement: Vec<f64> = Vec::new();
     displacement.try_reserve_exact(patterns * numbers).map_err(|_| {
         let gigabytes = (patterns * numbers * size_of::<f64>()) as f64 / 1e9;
@@ -252,11 +319,11 @@ fn follow(
         .help("simulate fewer patterns at once, or use a `solve` stage with a `history`, which writes them in chunks")
     })?;
     let mut followed = Vec::with_capacity(patterns);
-    simulation.run(history, |found, seconds| {
+    computation.run(history, |found, seconds| {
         followed.push(PatternHistory::new(
             found,
             seconds,
-            &simulation.scene,
+            computation.scene,
             numbers,
             &mut displacement,
         ));
@@ -266,9 +333,9 @@ fn follow(
 
 /// The arrays of all histories.
 fn histories(
-    simulation: &Simulation<'_>,
-    screened: &ScreenedScene,
-    times: &[f64],
+    computation: &Computation<'_>,
+    screened: ScreenedScene,
+    times: Vec<f64>,
     followed: &[PatternHistory],
     displacement: Vec<f64>,
 ) -> Histories {
@@ -295,7 +362,7 @@ fn histories(
     let bars = scene.geometry.sides.as_ref().map_or(0, |sides| sides.bars().count());
     let body_motions = motions(followed, times.len() * bodies, |instant| instant.bodies.as_ref());
     let bar_motions = motions(followed, times.len() * bars, |instant| instant.bars.as_ref());
-    let with_accuracy = simulation.arguments.accuracy.is_some();
+    let with_accuracy = computation.parameters.accuracy().is_some();
     let has_electrode_voltage =
         scene.drive.source.is_some() || scene.drive.charge.is_some() || scene.effects.electrode_resistance.is_some();
     let drive_voltage = |time: &f64| match scene.drive.charge {
@@ -303,9 +370,8 @@ fn histories(
         None => scene.waveform().voltage(scene.voltage_v(), *time, Side::After),
     };
     Histories {
-        patterns: simulation.patterns.clone(),
-        electrodes: DrawnElectrodes::of(&simulation.patterns),
-        time: times.to_vec(),
+        patterns: computation.patterns.to_vec(),
+        electrodes: DrawnElectrodes::of(computation.patterns),
         voltage: times.iter().map(drive_voltage).collect(),
         electrode_voltage: has_electrode_voltage.then(|| of_instant(|instant| instant.voltage)),
         displacement: Packed(displacement),
@@ -342,9 +408,10 @@ fn histories(
         residual: each(&|one| one.history.residual),
         solve_seconds: each(&|one| one.seconds),
         scene: scene.clone(),
-        solver: simulation.solver(),
-        effects: screened.scene.effects.clone(),
-        warnings: Lines(screened.warnings_in_time.clone()),
+        solver: computation.solver(),
+        effects: scene.effects.clone(),
+        warnings: Lines(screened.warnings_in_time),
+        time: times,
     }
 }
 

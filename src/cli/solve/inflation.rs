@@ -4,7 +4,7 @@
 use serde_json::{Value, json};
 
 use super::SolveArguments;
-use super::simulation::{PatternSolver, Simulation};
+use super::simulation::{Computation, PatternSolver, Simulation};
 use crate::job::{JobResult, extend};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, table};
@@ -24,30 +24,22 @@ const COMPRESSED: f64 = 0.005;
 /// # Errors
 /// When an option, the scene or a pattern cannot be used, or the file cannot be written.
 pub fn execute(simulation: Simulation<'_>, output: &Output) -> Result<Exit, CliError> {
-    let arguments = simulation.arguments;
-    check(arguments, &simulation)?;
-    let (scene, left_out) = resolved(&simulation)?;
-    let solver = PatternSolver::new(&scene, |scene| {
-        let solver = InflationSolver::new(scene, arguments.options())?;
-        Ok::<_, SetupError>(solver.within(arguments.time.work_limit()))
-    })?;
-    let (mut found, mut seconds) = (Vec::new(), Vec::new());
-    simulation.run(
-        |pattern: &Pattern| Ok(solver.with(pattern, |solver: &InflationSolver| solver.solve(pattern))?),
-        |inflated, time| {
-            found.push(inflated);
-            seconds.push(time);
-        },
-    )?;
+    check_arguments(&simulation)?;
+    let SpatialEquilibria {
+        scene,
+        found,
+        content,
+        warnings,
+    } = SpatialEquilibria::find(&simulation.computation())?;
     let unstable = found.iter().filter(|one| !is_stable(one)).count();
     let peaks = found.iter().map(|one| Peak::of(&one.displacement, &one.heights));
     let peaks: Vec<Peak> = peaks.collect();
     let result = JobResult {
         patterns: found.len(),
-        arrays: content(&simulation, &scene, &found, seconds).object(),
-        parameters: simulation.parameters(""),
+        arrays: content.object(),
+        parameters: simulation.described(""),
         attachments: None,
-        warnings: left_out.into_iter().chain(warnings(&scene, &found)).collect(),
+        warnings,
         document: json!({
             "equilibria": found.iter().zip(&peaks).enumerate().map(|one| document(one, &scene)).collect::<Vec<_>>(),
             "unstable": unstable,
@@ -58,13 +50,52 @@ pub fn execute(simulation: Simulation<'_>, output: &Output) -> Result<Exit, CliE
     simulation.finish(result, output)
 }
 
+/// The equilibria of patterns in space.
+pub struct SpatialEquilibria {
+    scene: Scene,
+    found: Vec<Inflated>,
+    /// The arrays.
+    pub content: Inflations,
+    /// Warnings about the model, one line each.
+    pub warnings: Vec<String>,
+}
+
+impl SpatialEquilibria {
+    /// Finds the equilibrium of each pattern.
+    ///
+    /// # Errors
+    /// When the scene or a pattern cannot be simulated in this way.
+    pub fn find(computation: &Computation<'_>) -> Result<Self, CliError> {
+        check(computation)?;
+        let (scene, left_out) = resolved(computation.scene)?;
+        let options = computation.options()?;
+        let solver = PatternSolver::new(&scene, |scene| {
+            let solver = InflationSolver::new(scene, options)?;
+            Ok::<_, SetupError>(solver.within(computation.parameters.work_limit()))
+        })?;
+        let (mut found, mut seconds) = (Vec::new(), Vec::new());
+        computation.run(
+            |pattern: &Pattern| Ok(solver.with(pattern, |solver: &InflationSolver| solver.solve(pattern))?),
+            |inflated, time| {
+                found.push(inflated);
+                seconds.push(time);
+            },
+        )?;
+        Ok(Self {
+            content: content(computation, &scene, &found, seconds),
+            warnings: left_out.into_iter().chain(warnings(&scene, &found)).collect(),
+            scene,
+            found,
+        })
+    }
+}
+
 /// Returns the scene with its effects resolved, which are those of the flat membrane, and a warning if that leaves out
 /// one of them.
 ///
 /// # Errors
 /// When they cannot be resolved.
-pub fn resolved(simulation: &Simulation<'_>) -> Result<(Scene, Option<String>), CliError> {
-    let given = &simulation.scene;
+pub fn resolved(given: &Scene) -> Result<(Scene, Option<String>), CliError> {
     let mut flat = resolve(&given.in_plane())?;
     let left_out = given.auto && flat.effects.fringe_field.take().is_some();
     let warning = left_out.then(|| {
@@ -79,26 +110,38 @@ pub fn resolved(simulation: &Simulation<'_>) -> Result<(Scene, Option<String>), 
     Ok((scene, warning))
 }
 
-/// Refuses options and states that are not simulated in space.
+/// Refuses options of the command that are not simulated in space.
 ///
 /// # Errors
 /// When there are any.
-pub fn check(arguments: &SolveArguments, simulation: &Simulation<'_>) -> Result<(), CliError> {
-    let scene = &simulation.scene;
-    let refused = |option: &str| {
-        let error = SetupError::not_in_space(scene, "this option");
-        Err(CliError::from(error).help(option.to_owned()))
-    };
-    if arguments.cells {
+pub fn check_arguments(simulation: &Simulation<'_>) -> Result<(), CliError> {
+    let SolveArguments { cells, point, .. } = simulation.arguments;
+    let refused = |option: &str| Err(without_option(&simulation.scene, option));
+    if *cells {
         return refused("remove `--cells`");
     }
-    if arguments.point.is_given() {
+    if point.is_given() {
         return refused("remove `--point`; the heights of all corners are in the file");
     }
-    if arguments.method != Method::Newton {
+    Ok(())
+}
+
+/// Returns why an option is not allowed in space, with what to do.
+fn without_option(scene: &Scene, help: &str) -> CliError {
+    CliError::from(SetupError::not_in_space(scene, "this option")).help(help.to_owned())
+}
+
+/// Refuses methods and states that are not simulated in space.
+///
+/// # Errors
+/// When there are any.
+pub fn check(computation: &Computation<'_>) -> Result<(), CliError> {
+    let scene = computation.scene;
+    let refused = |option: &str| Err(without_option(scene, option));
+    if computation.parameters.method() != Method::Newton {
         return refused("use `--method newton`");
     }
-    if matches!(arguments.parameters().mesh_request(), MeshRequest::Accuracy(_)) {
+    if matches!(computation.parameters.mesh_request(), MeshRequest::Accuracy(_)) {
         return refused("remove `--accuracy`, and compare two meshes by `--elements-per-cell`");
     }
     if !scene.states.is_empty() {
@@ -108,7 +151,7 @@ pub fn check(arguments: &SolveArguments, simulation: &Simulation<'_>) -> Result<
                 .help("choose a state: --state NAME"),
         );
     }
-    if simulation.patterns.iter().any(|pattern| pattern.coverage().is_some()) {
+    if computation.patterns.iter().any(|pattern| pattern.coverage().is_some()) {
         return Err(SetupError::Coverage { with: "`loads`" }.into());
     }
     Ok(())
@@ -162,7 +205,7 @@ pub fn compressed(scene: &Scene, index: usize, share: f64) -> Option<String> {
     })
 }
 
-fn content(simulation: &Simulation<'_>, scene: &Scene, found: &[Inflated], solve_seconds: Vec<f64>) -> Inflations {
+fn content(computation: &Computation<'_>, scene: &Scene, found: &[Inflated], solve_seconds: Vec<f64>) -> Inflations {
     let known = |value: fn(&Inflated) -> f64| -> Vec<f64> {
         let value = |one: &Inflated| if is_stable(one) { value(one) } else { f64::NAN };
         found.iter().map(value).collect()
@@ -195,9 +238,9 @@ fn content(simulation: &Simulation<'_>, scene: &Scene, found: &[Inflated], solve
         found.iter().flat_map(each)
     };
     Inflations {
-        patterns: simulation.patterns.clone(),
-        electrodes: DrawnElectrodes::of(&simulation.patterns),
-        covered: CoveredCells::of(&simulation.patterns),
+        patterns: computation.patterns.to_vec(),
+        electrodes: DrawnElectrodes::of(computation.patterns),
+        covered: CoveredCells::of(computation.patterns),
         outcome: found.iter().map(|one| one.outcome.name().to_owned()).collect(),
         displacement: Packed(displacement.collect()),
         pressure: known(|one| one.pressure),
@@ -211,7 +254,7 @@ fn content(simulation: &Simulation<'_>, scene: &Scene, found: &[Inflated], solve
         krylov_iterations: found.iter().map(|one| one.krylov_iterations).collect(),
         solve_seconds,
         scene: scene.clone(),
-        solver: simulation.solver(),
+        solver: computation.solver(),
         effects: scene.effects.clone(),
     }
 }

@@ -1,15 +1,14 @@
 //! `deaflow solve --path` of a scene with a pressure or a volume: curves of pressure, volume, height and voltage.
 
-use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use super::inflation::{at_mm, breakdown, check, components, compressed, resolved};
+use super::inflation::{at_mm, breakdown, check, check_arguments, components, compressed, resolved};
 use super::path::offsets;
-use super::simulation::{PatternSolver, Simulation};
+use super::simulation::{Computation, PatternSolver, Simulation};
 use crate::job::{Attachments, JobResult};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
-use deaflow_base::{Progress, four_digits};
+use deaflow_base::four_digits;
 use deaflow_content::{CoveredCells, DrawnElectrodes, InflationPaths, Packed};
 use deaflow_fem::{InflationPath, InflationPathSolver, InflationPoint, NoPath, PathEnd, PathParameter, SetupError};
 use deaflow_pattern::Pattern;
@@ -21,33 +20,25 @@ use deaflow_scene::{Pressurised, Scene};
 /// # Errors
 /// When an option, the scene or a pattern cannot be used, or a file cannot be written.
 pub fn execute(simulation: Simulation<'_>, parameter: PathParameter, output: &Output) -> Result<Exit, CliError> {
-    let options = simulation.arguments.options();
-    check(simulation.arguments, &simulation)?;
-    let (scene, left_out) = resolved(&simulation)?;
-    let solvers = PatternSolver::new(&scene, |scene| InflationPathSolver::new(scene, options, parameter))
-        .map_err(|error| refused(error, &scene))?;
-    let follow = |pattern: &Pattern| -> Result<InflationPath, CliError> {
-        let path = solvers.with(pattern, |solver: &InflationPathSolver| solver.path(pattern))?;
-        simulation.job.bar.advance(1);
-        path.map_err(|reason| no_path(reason, parameter))
-    };
-    let paths = simulation
-        .patterns
-        .par_iter()
-        .map(follow)
-        .collect::<Result<Vec<_>, _>>()?;
+    check_arguments(&simulation)?;
+    let InflatedPaths {
+        scene,
+        paths,
+        content,
+        warnings,
+    } = InflatedPaths::follow(&simulation.computation(), parameter)?;
     let branches: Vec<Branch> = paths.iter().enumerate().map(branch).collect();
     let axes = axes(parameter);
     let result = JobResult {
         patterns: paths.len(),
-        arrays: content(&simulation.patterns, &paths, &scene).object(),
-        parameters: simulation.parameters(&format!(", path of the {}", parameter.name())),
+        arrays: content.object(),
+        parameters: simulation.described(&format!(", path of the {}", parameter.name())),
         attachments: Some(Attachments {
             title: "deaflow solve --path",
             table: points_table(&paths)?,
             draw: Box::new(move |figure| paths_sheet(&branches, &axes)?.write_png(figure)),
         }),
-        warnings: left_out.into_iter().chain(warnings(&scene, &paths)).collect(),
+        warnings,
         document: json!({
             "parameter": parameter.name(),
             "paths": paths.iter().map(|path| document(path, &scene)).collect::<Vec<_>>(),
@@ -56,6 +47,40 @@ pub fn execute(simulation: Simulation<'_>, parameter: PathParameter, output: &Ou
         exit: Exit::Done,
     };
     simulation.finish(result, output)
+}
+
+/// The paths of patterns under pressure.
+pub struct InflatedPaths {
+    scene: Scene,
+    paths: Vec<InflationPath>,
+    /// The arrays.
+    pub content: InflationPaths,
+    /// Warnings about the model, one line each.
+    pub warnings: Vec<String>,
+}
+
+impl InflatedPaths {
+    /// Follows the path of each pattern.
+    ///
+    /// # Errors
+    /// When the scene or a pattern cannot be simulated in this way, or a path has no start.
+    pub fn follow(computation: &Computation<'_>, parameter: PathParameter) -> Result<Self, CliError> {
+        check(computation)?;
+        let options = computation.options()?;
+        let (scene, left_out) = resolved(computation.scene)?;
+        let solvers = PatternSolver::new(&scene, |scene| InflationPathSolver::new(scene, options, parameter))
+            .map_err(|error| refused(error, &scene))?;
+        let paths = computation.run_at_once(|pattern| {
+            let path = solvers.with(pattern, |solver: &InflationPathSolver| solver.path(pattern))?;
+            path.map_err(|reason| no_path(reason, parameter))
+        })?;
+        Ok(Self {
+            content: content(computation.patterns, &paths, &scene),
+            warnings: left_out.into_iter().chain(warnings(&scene, &paths)).collect(),
+            scene,
+            paths,
+        })
+    }
 }
 
 /// Adds what to do to the reason why a scene has no such path.

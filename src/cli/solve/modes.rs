@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::SolveArguments;
 use super::history::TIME;
-use super::simulation::{Form, PatternSolver, Simulation, States};
+use super::simulation::{Computation, Form, PatternSolver, Simulation, States};
 use crate::arguments::integer;
 use crate::job::JobResult;
 use crate::text::Text;
@@ -32,7 +32,7 @@ pub struct ModesArguments {
     lumped: bool,
 }
 
-const FORM: Form = Form {
+pub const FORM: Form = Form {
     name: "modes",
     has_attachments: false,
     states: States::Chosen("a natural frequency"),
@@ -46,30 +46,20 @@ const FORM: Form = Form {
 /// When the scene or a pattern cannot be used, the density is missing, or the file cannot be written.
 pub fn execute(arguments: &SolveArguments, count: u64, output: &Output) -> Result<Exit, CliError> {
     let simulation = Simulation::read(arguments, &FORM)?;
-    let scene = resolve(&simulation.scene)?;
-    let solver = PatternSolver::new(&scene, |scene| {
-        let solver = MembraneSolver::new(scene, arguments.options())?;
-        Ok::<_, SetupError>(solver.within(arguments.time.work_limit()))
-    })?;
-    let (mut found, mut seconds) = (Vec::new(), Vec::new());
-    simulation.run(
-        |pattern| {
-            let vibration = |solver: &MembraneSolver| solver.vibration(pattern, count as usize, arguments.modes.lumped);
-            Ok(solver.with(pattern, vibration)??)
-        },
-        |vibration, time| {
-            found.push(vibration);
-            seconds.push(time);
-        },
-    )?;
-    let lumped = if arguments.modes.lumped { ", lumped mass" } else { "" };
+    let lumped = arguments.modes.lumped;
+    let Modes {
+        found,
+        content,
+        warnings,
+    } = Modes::find(&simulation.computation(), count as usize, lumped)?;
+    let lumped = if lumped { ", lumped mass" } else { "" };
     let unstable = found.iter().filter(|one| one.equilibrium.is_none()).count();
     let result = JobResult {
         patterns: found.len(),
-        arrays: content(&simulation, &scene, count as usize, &found, seconds).object(),
-        parameters: simulation.parameters(&format!(", {count} modes{lumped}")),
+        arrays: content.object(),
+        parameters: simulation.described(&format!(", {count} modes{lumped}")),
         attachments: None,
-        warnings: warnings(&scene, &found),
+        warnings,
         document: json!({
             "vibrations": found.iter().enumerate().map(document).collect::<Vec<_>>(),
             "unstable": unstable,
@@ -78,6 +68,46 @@ pub fn execute(arguments: &SolveArguments, count: u64, output: &Output) -> Resul
         exit: if unstable > 0 { Exit::Unstable } else { Exit::Done },
     };
     simulation.finish(result, output)
+}
+
+/// The natural frequencies and modes of patterns.
+pub struct Modes {
+    found: Vec<Vibration>,
+    /// The arrays.
+    pub content: Vibrations,
+    /// Warnings about the model, one line each.
+    pub warnings: Vec<String>,
+}
+
+impl Modes {
+    /// Finds the lowest natural frequencies of each pattern, `count` in the plane and out of it.
+    ///
+    /// # Errors
+    /// When a pattern cannot be simulated, or the density is missing.
+    pub fn find(computation: &Computation<'_>, count: usize, lumped: bool) -> Result<Self, CliError> {
+        let scene = resolve(computation.scene)?;
+        let options = computation.options()?;
+        let solver = PatternSolver::new(&scene, |scene| {
+            let solver = MembraneSolver::new(scene, options)?;
+            Ok::<_, SetupError>(solver.within(computation.parameters.work_limit()))
+        })?;
+        let (mut found, mut seconds) = (Vec::new(), Vec::new());
+        computation.run(
+            |pattern| {
+                let vibration = |solver: &MembraneSolver| solver.vibration(pattern, count, lumped);
+                Ok(solver.with(pattern, vibration)??)
+            },
+            |vibration, time| {
+                found.push(vibration);
+                seconds.push(time);
+            },
+        )?;
+        Ok(Self {
+            content: content(computation, &scene, count, &found, seconds),
+            warnings: warnings(&scene, &found),
+            found,
+        })
+    }
 }
 
 fn warnings(scene: &Scene, found: &[Vibration]) -> Vec<String> {
@@ -100,7 +130,7 @@ fn warnings(scene: &Scene, found: &[Vibration]) -> Vec<String> {
 }
 
 fn content(
-    simulation: &Simulation<'_>,
+    computation: &Computation<'_>,
     scene: &Scene,
     count: usize,
     found: &[Vibration],
@@ -128,9 +158,9 @@ fn content(
         ));
     }
     Vibrations {
-        patterns: simulation.patterns.clone(),
-        electrodes: DrawnElectrodes::of(&simulation.patterns),
-        covered: CoveredCells::of(&simulation.patterns),
+        patterns: computation.patterns.to_vec(),
+        electrodes: DrawnElectrodes::of(computation.patterns),
+        covered: CoveredCells::of(computation.patterns),
         outcome: found.iter().map(|one| one.outcome.kind()).collect(),
         displacement: Packed(displacement),
         mode: (1..=count as u64).collect(),
@@ -140,7 +170,7 @@ fn content(
         out_of_plane_modes: Packed(heights),
         solve_seconds,
         scene: scene.clone(),
-        solver: simulation.solver(),
+        solver: computation.solver(),
         effects: scene.effects.clone(),
     }
 }

@@ -1,15 +1,14 @@
 //! `deaflow solve --path`: load paths from rest past the critical voltage, load or displacement.
 
-use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use super::simulation::{Form, PatternSolver, Simulation, States};
+use super::simulation::{Computation, Form, PatternSolver, Simulation, States};
 use super::{SolveArguments, inflation_path};
 use crate::job::{Attachments, JobResult, extend};
 use crate::results::with_error;
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
-use deaflow_base::{Progress, four_digits};
+use deaflow_base::four_digits;
 use deaflow_content::{CoveredCells, DrawnElectrodes, LoadPaths, Packed, rotations, translations};
 use deaflow_fem::screening::resolve;
 use deaflow_fem::{
@@ -27,7 +26,7 @@ struct PatternPath {
     critical: Option<CriticalVoltage>,
 }
 
-const FORM: Form = Form {
+pub const FORM: Form = Form {
     name: "path",
     has_attachments: true,
     states: States::Drive,
@@ -44,36 +43,18 @@ pub fn execute(arguments: &SolveArguments, parameter: PathParameter, output: &Ou
     if simulation.scene.loads.is_some() {
         return inflation_path::execute(simulation, parameter, output);
     }
-    let scene = resolve(&simulation.scene)?;
-    let options = arguments.options();
-    let solvers = PatternSolver::new(&scene, |scene| {
-        let solver = PathSolver::new(scene, options, parameter)?;
-        Ok::<_, SetupError>((solver, CriticalSearch::new(scene, options)?))
-    })?;
-    let controlled = Controlled::new(&scene, parameter);
-    let follow = |pattern: &Pattern| -> Result<PatternPath, CliError> {
-        let (path, critical) = solvers.with(pattern, |(solver, search)| {
-            let path = solver.path(pattern).map_err(|reason| no_path(reason, parameter));
-            let limit = path.as_ref().ok().and_then(LoadPath::limit);
-            let limit = limit.filter(|_| parameter == PathParameter::Voltage);
-            let critical = limit.map(|limit| search.from(pattern, solver.solver().mesh(), limit.voltage));
-            (path, critical)
-        })?;
-        simulation.job.bar.advance(1);
-        Ok(PatternPath { path: path?, critical })
-    };
-    // All at once: some paths take much longer than others.
-    let paths = simulation
-        .patterns
-        .par_iter()
-        .map(follow)
-        .collect::<Result<Vec<_>, _>>()?;
+    let Paths {
+        paths,
+        controlled,
+        content,
+        warnings,
+    } = Paths::follow(&simulation.computation(), parameter)?;
     let branches: Vec<Branch> = paths.iter().enumerate().map(|one| controlled.branch(one)).collect();
     let axes = controlled.axes();
     let result = JobResult {
         patterns: paths.len(),
-        arrays: load_paths(&simulation.patterns, &paths, scene).object(),
-        parameters: simulation.parameters(&match parameter {
+        arrays: content.object(),
+        parameters: simulation.described(&match parameter {
             PathParameter::Voltage => ", path".to_owned(),
             other => format!(", path of the {}", other.name()),
         }),
@@ -82,11 +63,7 @@ pub fn execute(arguments: &SolveArguments, parameter: PathParameter, output: &Ou
             table: points_table(&paths, &controlled)?,
             draw: Box::new(move |figure| paths_sheet(&branches, &axes)?.write_png(figure)),
         }),
-        warnings: paths
-            .iter()
-            .enumerate()
-            .filter_map(|path| controlled.buckling(path))
-            .collect(),
+        warnings,
         document: json!({
             "parameter": parameter.name(),
             "paths": paths.iter().map(|path| document(path, &controlled)).collect::<Vec<_>>(),
@@ -95,6 +72,49 @@ pub fn execute(arguments: &SolveArguments, parameter: PathParameter, output: &Ou
         exit: Exit::Done,
     };
     simulation.finish(result, output)
+}
+
+/// The load paths of patterns.
+pub struct Paths {
+    paths: Vec<PatternPath>,
+    controlled: Controlled,
+    /// The arrays.
+    pub content: LoadPaths,
+    /// Warnings about the model, one line each.
+    pub warnings: Vec<String>,
+}
+
+impl Paths {
+    /// Follows the load path of each pattern.
+    ///
+    /// # Errors
+    /// When a pattern cannot be simulated, or a path has no start.
+    pub fn follow(computation: &Computation<'_>, parameter: PathParameter) -> Result<Self, CliError> {
+        let scene = resolve(computation.scene)?;
+        let options = computation.options()?;
+        let solvers = PatternSolver::new(&scene, |scene| {
+            let solver = PathSolver::new(scene, options, parameter)?;
+            Ok::<_, SetupError>((solver, CriticalSearch::new(scene, options)?))
+        })?;
+        let controlled = Controlled::new(&scene, parameter);
+        let paths = computation.run_at_once(|pattern| {
+            let (path, critical) = solvers.with(pattern, |(solver, search)| {
+                let path = solver.path(pattern).map_err(|reason| no_path(reason, parameter));
+                let limit = path.as_ref().ok().and_then(LoadPath::limit);
+                let limit = limit.filter(|_| parameter == PathParameter::Voltage);
+                let critical = limit.map(|limit| search.from(pattern, solver.solver().mesh(), limit.voltage));
+                (path, critical)
+            })?;
+            Ok(PatternPath { path: path?, critical })
+        })?;
+        let warnings = paths.iter().enumerate().filter_map(|path| controlled.buckling(path));
+        Ok(Self {
+            warnings: warnings.collect(),
+            content: load_paths(computation.patterns, &paths, scene),
+            paths,
+            controlled,
+        })
+    }
 }
 
 /// Help where a path of loads or displacements cannot start.

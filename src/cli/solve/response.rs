@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::SolveArguments;
 use super::history::TIME;
-use super::simulation::{Form, PatternSolver, Simulation, States};
+use super::simulation::{Computation, Form, PatternSolver, Simulation, States};
 use crate::arguments::{integer, quantity};
 use crate::job::{Attachments, JobResult};
 use crate::text::Text;
@@ -35,7 +35,7 @@ pub struct ResponseArguments {
     #[arg(
         long,
         value_name = "A:B",
-        value_parser = range,
+        value_parser = FrequencyRange::parse,
         conflicts_with_all = ["path", "cells", "accuracy", "history", "modes", "lumped", "at", "every"],
         help_heading = TIME
     )]
@@ -55,25 +55,19 @@ pub struct ResponseArguments {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrequencyRange([f64; 2]);
 
-fn range(text: &str) -> Result<FrequencyRange, String> {
-    let Some((first, last)) = text.split_once(':') else {
-        return Err("expected the lowest and the highest frequency, as in 1Hz:1kHz".to_owned());
-    };
-    let frequency = |text: &str| {
-        let frequency = quantity(text, Dimension::Frequency)?.value();
-        match (LOWEST..=HIGHEST).contains(&frequency) {
-            true => Ok(frequency),
-            false => Err(format!("{text}: allowed: {LOWEST:e} Hz to {HIGHEST:e} Hz")),
-        }
-    };
-    let ends = [frequency(first)?, frequency(last)?];
-    match ends[0] < ends[1] {
-        true => Ok(FrequencyRange(ends)),
-        false => Err(format!("{first} is not less than {last}")),
-    }
-}
-
 impl FrequencyRange {
+    fn parse(text: &str) -> Result<Self, String> {
+        let Some((first, last)) = text.split_once(':') else {
+            return Err("expected the lowest and the highest frequency, as in 1Hz:1kHz".to_owned());
+        };
+        let frequency = |text: &str| allowed(quantity(text, Dimension::Frequency)?.value(), text);
+        let ends = [frequency(first)?, frequency(last)?];
+        match ends[0] < ends[1] {
+            true => Ok(Self(ends)),
+            false => Err(format!("{first} is not less than {last}")),
+        }
+    }
+
     /// Returns frequencies in Hz, logarithmically spaced, including both ends.
     fn frequencies(self, points: u64) -> Vec<f64> {
         let Self([first, last]) = self;
@@ -84,11 +78,51 @@ impl FrequencyRange {
     }
 }
 
+/// Returns a frequency in Hz that is allowed.
+fn allowed(frequency: f64, text: &str) -> Result<f64, String> {
+    match (LOWEST..=HIGHEST).contains(&frequency) {
+        true => Ok(frequency),
+        false => Err(format!("{text}: allowed: {LOWEST:e} Hz to {HIGHEST:e} Hz")),
+    }
+}
+
+/// The frequencies of responses in Hz.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frequencies(Vec<f64>);
+
+impl Frequencies {
+    /// Returns frequencies between two ends, as in "1Hz:1kHz", logarithmically spaced; 100 by default.
+    ///
+    /// # Errors
+    /// When an end or the number is out of range.
+    pub fn between(ends: &str, points: Option<u64>) -> Result<Self, String> {
+        let points = points.unwrap_or(DEFAULT_POINTS);
+        if !(2..=MAX_POINTS).contains(&points) {
+            return Err(format!("{points} frequencies: allowed: 2 to {MAX_POINTS}"));
+        }
+        Ok(Self(FrequencyRange::parse(ends)?.frequencies(points)))
+    }
+
+    /// Returns given frequencies in Hz.
+    ///
+    /// # Errors
+    /// When there are none or too many, or one is out of range.
+    pub fn of(hertz: &[f64]) -> Result<Self, String> {
+        if !(1..=MAX_POINTS as usize).contains(&hertz.len()) {
+            return Err(format!("{} frequencies: allowed: 1 to {MAX_POINTS}", hertz.len()));
+        }
+        let each = hertz
+            .iter()
+            .map(|frequency| allowed(*frequency, &format!("{frequency} Hz")));
+        Ok(Self(each.collect::<Result<_, _>>()?))
+    }
+}
+
 /// The voltage drives a flat membrane in its plane only.
 const OUT_OF_PLANE: &str = "the response is that in the plane; `--modes` lists natural frequencies out of the plane, \
                             which sound or a shaker excites";
 
-const FORM: Form = Form {
+pub const FORM: Form = Form {
     name: "response",
     has_attachments: true,
     states: States::Chosen("a frequency response"),
@@ -102,42 +136,32 @@ const FORM: Form = Form {
 /// When a file would be lost, the scene or a pattern cannot be used, or a file cannot be written.
 pub fn execute(arguments: &SolveArguments, range: FrequencyRange, output: &Output) -> Result<Exit, CliError> {
     let simulation = Simulation::read(arguments, &FORM)?;
-    let frequencies = range.frequencies(arguments.response.points.unwrap_or(DEFAULT_POINTS));
-    check_size(&simulation.patterns, frequencies.len())?;
-    let scene = resolve(&at_bias(&simulation.scene))?;
-    let set_up = |scene: &Scene| FrequencySolver::new(scene, arguments.options(), arguments.time.work_limit());
-    let solver = PatternSolver::new(&scene, set_up).map_err(with_help)?;
-    let (mut found, mut solve_seconds) = (Vec::new(), Vec::new());
-    simulation.run(
-        |pattern| Ok(solver.with(pattern, |solver| solver.respond(pattern, &frequencies))?),
-        |response, seconds| {
-            found.push(response);
-            solve_seconds.push(seconds);
-        },
-    )?;
-    let motion = |one| WatchedMotion::new(one, frequencies.len());
-    let motions: Vec<WatchedMotion> = found.iter().map(motion).collect();
+    let frequencies = Frequencies(range.frequencies(arguments.response.points.unwrap_or(DEFAULT_POINTS)));
+    let Responses {
+        found,
+        motions,
+        content,
+        warnings,
+    } = Responses::find(&simulation.computation(), &frequencies)?;
+    let Frequencies(frequencies) = frequencies;
     let documents = found.iter().zip(&motions).enumerate();
     let documents = documents.map(|(index, (one, motion))| document(index, one, motion, &frequencies));
     let unstable = found.iter().filter(|one| one.equilibrium.is_none()).count();
     let is_missing = motions.iter().flat_map(|motion| &motion.0).any(Option::is_none);
-    let content = FrequencyResponses {
-        solve_seconds,
-        ..content(&simulation, &scene, &frequencies, &found, &motions)
-    };
     let curves = curves(&motions, &frequencies);
+    let bias = at_bias(&simulation.scene).voltage_v();
     let result = JobResult {
         patterns: found.len(),
         arrays: content.object(),
-        parameters: simulation.parameters(&format!(", response at {} frequencies", frequencies.len())),
+        parameters: simulation.described(&format!(", response at {} frequencies", frequencies.len())),
         attachments: Some(Attachments {
             title: "deaflow solve --response",
             table: rows(&found, &motions, &frequencies)?,
             draw: Box::new(move |figure| responses_sheet(&curves)?.write_png(figure)),
         }),
-        warnings: warnings(&scene),
+        warnings,
         document: json!({
-            "bias": scene.voltage_v(),
+            "bias": bias,
             "frequencies": frequencies,
             "responses": documents.collect::<Vec<_>>(),
             "unstable": unstable,
@@ -146,6 +170,50 @@ pub fn execute(arguments: &SolveArguments, range: FrequencyRange, output: &Outpu
         exit: if is_missing { Exit::Unstable } else { Exit::Done },
     };
     simulation.finish(result, output)
+}
+
+/// The responses of patterns at some frequencies.
+pub struct Responses {
+    found: Vec<FrequencyResponse>,
+    motions: Vec<WatchedMotion>,
+    /// The arrays.
+    pub content: FrequencyResponses,
+    /// Warnings about the model, one line each.
+    pub warnings: Vec<String>,
+}
+
+impl Responses {
+    /// Finds the response of each pattern to a small alternating voltage about its equilibrium.
+    ///
+    /// # Errors
+    /// When a pattern cannot be simulated, or the responses do not fit into memory.
+    pub fn find(computation: &Computation<'_>, Frequencies(frequencies): &Frequencies) -> Result<Self, CliError> {
+        check_size(computation.patterns, frequencies.len())?;
+        let scene = resolve(&at_bias(computation.scene))?;
+        let (options, limit) = (computation.options()?, computation.parameters.work_limit());
+        let set_up = |scene: &Scene| FrequencySolver::new(scene, options, limit);
+        let solver = PatternSolver::new(&scene, set_up).map_err(with_help)?;
+        let (mut found, mut solve_seconds) = (Vec::new(), Vec::new());
+        computation.run(
+            |pattern| Ok(solver.with(pattern, |solver| solver.respond(pattern, frequencies))?),
+            |response, seconds| {
+                found.push(response);
+                solve_seconds.push(seconds);
+            },
+        )?;
+        let motion = |one| WatchedMotion::new(one, frequencies.len());
+        let motions: Vec<WatchedMotion> = found.iter().map(motion).collect();
+        let content = FrequencyResponses {
+            solve_seconds,
+            ..content(computation, &scene, frequencies, &found, &motions)
+        };
+        Ok(Self {
+            found,
+            motions,
+            content,
+            warnings: warnings(&scene),
+        })
+    }
 }
 
 /// Adds what the scene needs to an error of the solver.
@@ -223,7 +291,7 @@ fn outcome_at(one: &FrequencyResponse, at: usize) -> &'static str {
 
 /// The arrays of all responses. `scene` has the bias as its voltage.
 fn content(
-    simulation: &Simulation<'_>,
+    computation: &Computation<'_>,
     scene: &Scene,
     frequencies: &[f64],
     found: &[FrequencyResponse],
@@ -254,8 +322,8 @@ fn content(
     };
     let outcomes = |one| (0..frequencies.len()).map(move |at| outcome_at(one, at).to_owned());
     FrequencyResponses {
-        patterns: simulation.patterns.clone(),
-        electrodes: DrawnElectrodes::of(&simulation.patterns),
+        patterns: computation.patterns.to_vec(),
+        electrodes: DrawnElectrodes::of(computation.patterns),
         outcome: found.iter().map(|one| one.outcome.kind()).collect(),
         bias: vec![scene.voltage_v(); found.len()],
         displacement: Packed(displacement),
@@ -271,8 +339,8 @@ fn content(
             .collect(),
         frequency_outcome: Packed(found.iter().flat_map(outcomes).collect()),
         solve_seconds: Vec::new(),
-        scene: simulation.scene.with_effects(scene.effects.clone()),
-        solver: simulation.solver(),
+        scene: computation.scene.with_effects(scene.effects.clone()),
+        solver: computation.solver(),
         effects: scene.effects.clone(),
         warnings: Lines(warnings(scene)),
     }
@@ -380,7 +448,7 @@ mod tests {
 
     #[test]
     fn frequencies_are_spaced_evenly_over_their_logarithm() {
-        let FrequencyRange(ends) = range("1Hz:1 kHz").unwrap();
+        let FrequencyRange(ends) = FrequencyRange::parse("1Hz:1 kHz").unwrap();
         assert_eq!(ends, [1.0, 1000.0]);
         let found = FrequencyRange(ends).frequencies(4);
         assert_eq!(found, [1.0, 10.0, 100.0, 1000.0]);
@@ -397,7 +465,7 @@ mod tests {
             "1 V:2 V",
             "1:2:3",
         ] {
-            assert!(range(refused).is_err(), "{refused}");
+            assert!(FrequencyRange::parse(refused).is_err(), "{refused}");
         }
     }
 }

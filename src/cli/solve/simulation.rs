@@ -1,4 +1,5 @@
 //! The steps that all forms of `solve` share: read the scene and the patterns, simulate, write the files and report.
+//! What they compute needs a [`Computation`] alone, which the Python package makes from arrays.
 
 use std::borrow::Cow;
 use std::time::Instant;
@@ -9,9 +10,9 @@ use serde_json::json;
 use super::SolveArguments;
 use crate::job::{Job, JobResult, attached_files, extend, seconds_each};
 use crate::{CliError, Exit, Output, decisions, write};
-use deaflow_base::Progress;
+use deaflow_base::{Progress, is_interrupted};
 use deaflow_fem::screening::resolve;
-use deaflow_fem::{SetupError, check_covered_cells, check_leads};
+use deaflow_fem::{SetupError, SolveOptions, SolverParameters, check_covered_cells, check_leads};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 use deaflow_stage::direct::NamedPatterns;
@@ -75,10 +76,149 @@ impl<'a, S, E, F: Fn(&Scene) -> Result<S, E>> PatternSolver<'a, S, F> {
     }
 }
 
-/// Patterns that are simulated in a scene.
+impl Form {
+    /// Checks that this form simulates a scene.
+    ///
+    /// # Errors
+    /// When a state must be chosen, or the scene is under pressure.
+    fn check_scene(&self, scene: &Scene) -> Result<(), CliError> {
+        if let States::Chosen(what) = self.states
+            && !scene.states.is_empty()
+        {
+            return Err(
+                CliError::bad_input(format!("{what} is computed for one state of a device"))
+                    .help("choose a state: --state NAME"),
+            );
+        }
+        match (self.without_pressure, scene.pressurised()) {
+            (Some(with), Some(_)) => Err(SetupError::Pressure { with }.into()),
+            _ => Ok(()),
+        }
+    }
+
+    /// Checks that this form simulates patterns in a scene, and decides the effects of the scene.
+    ///
+    /// # Errors
+    /// When leads do not meet electrodes, the effects cannot be simulated, or cells are covered in part and the form,
+    /// the effects or the parameters do not allow that.
+    fn check_patterns(
+        &self,
+        scene: &Scene,
+        patterns: &[Pattern],
+        parameters: &SolverParameters,
+    ) -> Result<(), CliError> {
+        check_leads(scene.leads.as_ref(), patterns)?;
+        // Effects are those of the flat membrane.
+        let flat = scene.in_plane();
+        decisions::decide(&flat)?;
+        if patterns.iter().any(|pattern| pattern.coverage().is_some()) {
+            check_covered_cells(&resolve(&flat)?)?;
+            parameters.check_covered_cells()?;
+            if let Some(with) = self.without_covered_cells {
+                return Err(SetupError::Coverage { with }.into());
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Patterns to simulate in a scene, and how: what a form of `solve` computes from.
+pub struct Computation<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// The patterns.
+    pub patterns: &'a [Pattern],
+    /// Method, mesh or accuracy, tolerance and limit of work.
+    pub parameters: &'a SolverParameters,
+    /// Is told about each finished pattern.
+    pub progress: &'a dyn Progress,
+}
+
+impl Computation<'_> {
+    /// Checks that a form of `solve` can simulate this.
+    ///
+    /// # Errors
+    /// When it cannot.
+    pub fn check(&self, form: &Form) -> Result<(), CliError> {
+        form.check_scene(self.scene)?;
+        form.check_patterns(self.scene, self.patterns, self.parameters)
+    }
+
+    /// Returns mesh and tolerance, for what is computed on one mesh.
+    ///
+    /// # Errors
+    /// When the mesh shall follow from an accuracy.
+    pub fn options(&self) -> Result<SolveOptions, CliError> {
+        let refused = || {
+            CliError::bad_input("`accuracy` cannot be used here: this is computed on one mesh")
+                .help("choose the mesh by `elements_per_cell` and `order`")
+        };
+        Ok(SolveOptions {
+            mesh: self.parameters.mesh().ok_or_else(refused)?,
+            tolerance: self.parameters.tolerance(),
+        })
+    }
+
+    /// Simulates all patterns, one per thread at a time, and passes each result on with its computing time in s.
+    ///
+    /// # Errors
+    /// When a pattern cannot be simulated, or after an interrupt.
+    pub fn run<T: Send>(
+        &self,
+        simulate: impl Fn(&Pattern) -> Result<T, CliError> + Sync,
+        mut keep: impl FnMut(T, f64),
+    ) -> Result<(), CliError> {
+        for batch in self.patterns.chunks(rayon::current_num_threads()) {
+            if is_interrupted() {
+                return Err(CliError::stopped("interrupted"));
+            }
+            let start = Instant::now();
+            let found = batch.par_iter().map(|pattern| {
+                let found = simulate(pattern);
+                self.progress.advance(1);
+                found
+            });
+            let found = found.collect::<Result<Vec<T>, CliError>>()?;
+            let seconds = seconds_each(start, batch.len());
+            found
+                .into_iter()
+                .zip(seconds)
+                .for_each(|(found, seconds)| keep(found, seconds));
+        }
+        Ok(())
+    }
+
+    /// Simulates all patterns at once, where some take much longer than others.
+    ///
+    /// # Errors
+    /// When a pattern cannot be simulated, or after an interrupt.
+    pub fn run_at_once<T: Send>(
+        &self,
+        simulate: impl Fn(&Pattern) -> Result<T, CliError> + Sync,
+    ) -> Result<Vec<T>, CliError> {
+        let simulated = |pattern: &Pattern| match is_interrupted() {
+            true => Err(CliError::stopped("interrupted")),
+            false => {
+                let found = simulate(pattern)?;
+                self.progress.advance(1);
+                Ok(found)
+            }
+        };
+        self.patterns.par_iter().map(simulated).collect()
+    }
+
+    /// The parameters of the solver as a YAML map.
+    pub fn solver(&self) -> String {
+        format!("{{ {} }}", self.parameters)
+    }
+}
+
+/// Patterns that are simulated in a scene by the command.
 pub struct Simulation<'a> {
     /// The command line.
     pub arguments: &'a SolveArguments,
+    /// Method, mesh or accuracy, tolerance and limit of work.
+    pub parameters: SolverParameters,
     /// The scene, in the state and with the changes that the command line names.
     pub scene: Scene,
     /// The patterns.
@@ -105,17 +245,7 @@ impl<'a> Simulation<'a> {
         }
         let read = arguments.read_scene()?;
         let (of_scene, scene) = (read.notes(), read.scene);
-        if let States::Chosen(what) = form.states
-            && !scene.states.is_empty()
-        {
-            return Err(
-                CliError::bad_input(format!("{what} is computed for one state of a device"))
-                    .help("choose a state: --state NAME"),
-            );
-        }
-        if let (Some(with), true) = (form.without_pressure, scene.pressurised().is_some()) {
-            return Err(SetupError::Pressure { with }.into());
-        }
+        form.check_scene(&scene)?;
         let NamedPatterns {
             patterns,
             names,
@@ -123,17 +253,8 @@ impl<'a> Simulation<'a> {
             drawings,
         } = arguments.patterns.read(scene.form(), arguments.edges)?;
         let notes = of_scene.into_iter().chain(notes).collect();
-        check_leads(scene.leads.as_ref(), &patterns)?;
-        // Effects are those of the flat membrane.
-        let flat = scene.in_plane();
-        decisions::decide(&flat)?;
-        if patterns.iter().any(|pattern| pattern.coverage().is_some()) {
-            check_covered_cells(&resolve(&flat)?)?;
-            arguments.parameters().check_covered_cells()?;
-            if let Some(with) = form.without_covered_cells {
-                return Err(SetupError::Coverage { with }.into());
-            }
-        }
+        let parameters = arguments.parameters();
+        form.check_patterns(&scene, &patterns, &parameters)?;
         let states = match form.states {
             States::Each => scene.in_states().len(),
             States::Drive | States::Chosen(_) => 1,
@@ -142,6 +263,7 @@ impl<'a> Simulation<'a> {
         let job = Job::start("solve", arguments.patterns.output.as_deref(), form.name, steps).since(start);
         Ok(Self {
             arguments,
+            parameters,
             scene,
             patterns,
             names,
@@ -151,40 +273,19 @@ impl<'a> Simulation<'a> {
         })
     }
 
-    /// Simulates all patterns, one per thread at a time, and passes each result on with its computing time in s.
-    ///
-    /// # Errors
-    /// When a pattern cannot be simulated.
-    pub fn run<T: Send>(
-        &self,
-        simulate: impl Fn(&Pattern) -> Result<T, CliError> + Sync,
-        mut keep: impl FnMut(T, f64),
-    ) -> Result<(), CliError> {
-        for batch in self.patterns.chunks(rayon::current_num_threads()) {
-            let start = Instant::now();
-            let found = batch.par_iter().map(|pattern| {
-                let found = simulate(pattern);
-                self.job.bar.advance(1);
-                found
-            });
-            let found = found.collect::<Result<Vec<T>, CliError>>()?;
-            let seconds = seconds_each(start, batch.len());
-            found
-                .into_iter()
-                .zip(seconds)
-                .for_each(|(found, seconds)| keep(found, seconds));
+    /// Returns what is computed from.
+    pub fn computation(&self) -> Computation<'_> {
+        Computation {
+            scene: &self.scene,
+            patterns: &self.patterns,
+            parameters: &self.parameters,
+            progress: &self.job.bar,
         }
-        Ok(())
     }
 
     /// The scene, the solver and what is computed, for the provenance.
-    pub fn parameters(&self, what: &str) -> String {
-        format!("{}, {}{what}", self.arguments.described(), self.arguments.parameters())
-    }
-
-    /// The parameters of the solver as a YAML map.
-    pub fn solver(&self) -> String {
-        format!("{{ {} }}", self.arguments.parameters())
+    pub fn described(&self, what: &str) -> String {
+        format!("{}, {}{what}", self.arguments.described(), self.parameters)
     }
 
     /// Writes the files and prints the report.
