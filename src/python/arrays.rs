@@ -1,9 +1,11 @@
 //! Patterns from arrays of numpy, and arrays of results for numpy.
 
+use std::collections::BTreeMap;
+
 use deaflow::base::InputError;
 use deaflow::cli::CliError;
 use deaflow::pattern::{Coverage, Pattern, PatternForm};
-use deaflow::store::{Data, Dataset};
+use deaflow::store::{Data, Dataset, Object};
 use numpy::prelude::*;
 use numpy::{Element, PyArray1, PyReadonlyArray3};
 use pyo3::prelude::*;
@@ -73,7 +75,20 @@ pub fn patterns(
 /// An array with its unit, description and the names of its axes.
 pub type Described<'py> = (Bound<'py, PyAny>, String, String, Vec<String>);
 
-/// Hands a dataset over to numpy, without a copy of numbers.
+/// Arrays by path, attributes, and warnings about the model.
+pub type Arrays<'py> = (BTreeMap<String, Described<'py>>, BTreeMap<String, String>, Vec<String>);
+
+/// Hands the arrays of a result over to numpy.
+///
+/// # Errors
+/// When the shape of one is not that of its values.
+pub fn arrays_of<'py>(py: Python<'py>, object: Object, warnings: Vec<String>) -> PyResult<Arrays<'py>> {
+    let datasets = object.datasets.into_iter();
+    let arrays = datasets.map(|(path, dataset)| Ok((path, described(py, dataset)?)));
+    Ok((arrays.collect::<PyResult<_>>()?, object.attributes, warnings))
+}
+
+/// Hands a dataset over to numpy, with the bits that a file would have and without a copy of numbers.
 ///
 /// # Errors
 /// When its shape is not that of its values.
@@ -89,8 +104,9 @@ pub fn described(py: Python<'_>, dataset: Dataset) -> PyResult<Described<'_>> {
         Data::U8(values) => shaped(py, values, shape)?,
         Data::U32(values) => shaped(py, values, shape)?,
         Data::U64(values) => shaped(py, values, shape)?,
-        Data::F32(values) => shaped(py, values, shape)?,
-        Data::F64(values) => shaped(py, values, shape)?,
+        // Files have no negative zeros.
+        Data::F32(values) => shaped(py, values.into_iter().map(|value| value + 0.0).collect(), shape)?,
+        Data::F64(values) => shaped(py, values.into_iter().map(|value| value + 0.0).collect(), shape)?,
         Data::Text(values) => {
             let array = py.import("numpy")?.call_method1("array", (PyList::new(py, values)?,))?;
             array.call_method1("reshape", (shape,))?

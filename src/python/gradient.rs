@@ -1,4 +1,7 @@
-//! Derivatives with respect to the covered share of each cell, by the adjoint method.
+//! Derivatives with respect to the covered share of each cell, by the adjoint method. The module [`parameter`] derives
+//! those with respect to voltages and parameters of the material from the same solution.
+
+pub mod parameter;
 
 use std::path::Path;
 
@@ -58,21 +61,40 @@ pub fn values_and_gradients(
         let message = "there is no gradient of `electrode_stiffness` where sides are not held";
         return Err(CliError::bad_input(message).help("remove the effect, or hold the sides"));
     }
+    let found = values_and_gradients_in_states(equilibria, patterns, functional)?.into_iter();
+    let in_all_states = |(value, gradients): ValueAndGradients| {
+        let mut gradient = vec![0.0; gradients.first().map_or(0, Vec::len)];
+        for own in &gradients {
+            gradient.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+        }
+        (value, gradient)
+    };
+    Ok(found.map(|found| found.map(in_all_states)).collect())
+}
+
+/// The value of a functional, and what its derivative owes to the cells in each state, `[y][x]`.
+type ValueAndGradients = (f64, Vec<Vec<f64>>);
+
+fn values_and_gradients_in_states(
+    equilibria: &Equilibria,
+    patterns: &[Pattern],
+    functional: impl Fn(usize, &[Field]) -> ValueAndSlopes + Sync,
+) -> Result<Vec<Option<ValueAndGradients>>, CliError> {
     for solver in equilibria.solvers() {
         solver.check(patterns)?;
     }
     let solvers = equilibria.solvers().map(|solver| solver.on_one_mesh());
     let solvers: Vec<&MembraneSolver> = solvers.collect::<Result<_, SetupError>>()?;
     let each = patterns.par_iter().enumerate();
-    let of_pattern = |(at, pattern)| value_and_gradient(&solvers, pattern, |fields| functional(at, fields));
+    let of_pattern = |(at, pattern)| value_and_gradients(&solvers, pattern, |fields| functional(at, fields));
     Ok(each.map(of_pattern).collect())
 }
 
-fn value_and_gradient(
+fn value_and_gradients(
     solvers: &[&MembraneSolver],
     pattern: &Pattern,
     functional: impl Fn(&[Field]) -> ValueAndSlopes,
-) -> Option<ValueAndGradient> {
+) -> Option<ValueAndGradients> {
     let solutions: Vec<MeshSolution> = solvers.iter().map(|solver| solver.solve(pattern)).collect();
     if !solutions.iter().all(|solution| solution.outcome.is_converged()) {
         return None;
@@ -82,12 +104,9 @@ fn value_and_gradient(
         .map(|(solver, solution)| solver.stroke(pattern, solution))
         .collect();
     let (value, slopes) = functional(&fields);
-    let mut gradient = vec![0.0; pattern.raster().cells()];
-    for ((solver, solution), slope) in solvers.iter().zip(&solutions).zip(&slopes) {
-        let own = solver.gradient(pattern, solution, slope)?;
-        gradient.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
-    }
-    Some((value, gradient))
+    let in_states = solvers.iter().zip(&solutions).zip(&slopes);
+    let gradients = in_states.map(|((solver, solution), slope)| solver.gradient(pattern, solution, slope));
+    Some((value, gradients.collect::<Option<_>>()?))
 }
 
 /// Returns the value of an objective and its derivatives: the displacement or force along the directions, or the

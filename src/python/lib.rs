@@ -4,6 +4,7 @@
 mod arrays;
 mod error;
 mod gradient;
+mod model;
 mod scene;
 mod work;
 
@@ -26,6 +27,9 @@ mod _deaflow {
 
     #[pymodule_export]
     use super::scene::Scene;
+
+    #[pymodule_export]
+    use super::model::Model;
 
     #[pymodule_export]
     use super::error::Error;

@@ -1,21 +1,23 @@
 //! A scene, and the simulations of patterns in it.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::arrays::{Described, Groups, Keep, Shares, described, patterns, shaped};
+use super::arrays::{Arrays, Groups, Keep, Shares, arrays_of, patterns, shaped};
 use super::error::raised;
+use super::gradient::parameter::{Parameter, values_and_derivatives};
 use super::gradient::{ValueAndSlopes, objective, value_and_slopes, values_and_gradients};
 use super::work::run;
 use deaflow::base::Progress;
-use deaflow::cli::{self, CliError, Equilibria, SolveRequest};
-use deaflow::fem::SolverParameters;
+use deaflow::cli::{
+    self, Analysed, Analysis, CliError, Computation, Equilibria, Frequencies, OutputTimes, SolveRequest,
+};
+use deaflow::fem::screening::TestPattern;
+use deaflow::fem::{MOST_MODES, PathParameter, SetupError, SolverParameters};
 use deaflow::field::{Field, FieldError};
 use deaflow::scene::Scene as Device;
 use deaflow::stage::direct::{self, Changes};
 use deaflow::stage::weak_drive_warning;
-use deaflow::store::Object;
 use numpy::{PyReadonlyArray4, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
@@ -29,16 +31,13 @@ pub struct Scene {
 }
 
 /// Progress that nobody is shown.
-struct Unseen;
+pub struct Unseen;
 
 impl Progress for Unseen {
     fn advance(&self, _steps: u64) {}
 
     fn note(&self, _text: &str) {}
 }
-
-/// Arrays by path, and attributes.
-type Arrays<'py> = (BTreeMap<String, Described<'py>>, BTreeMap<String, String>);
 
 impl Scene {
     fn new(device: Device, notes: Vec<String>) -> Self {
@@ -56,7 +55,7 @@ impl Scene {
             return Ok(Arc::clone(ready));
         }
         if parameters.follows_time() {
-            return Err(CliError::bad_input("`history` cannot be used here").help("use `deaflow solve --history`"));
+            return Err(CliError::bad_input("`history` cannot be used here").help("use `scene.history`"));
         }
         cli::decide(&self.device)?;
         let made = Arc::new(Equilibria::new(&self.device, parameters)?);
@@ -146,14 +145,23 @@ impl Scene {
         checks: bool,
     ) -> PyResult<Arrays<'py>> {
         let py = slf.py();
+        let device = &slf.get().device;
+        if device.is_in_space() {
+            if cells {
+                return Err(raised(py, &SetupError::not_in_space(device, "`cells`").into()));
+            }
+            return analysed(slf, &groups, shares.as_ref(), solver, Analysis::SpatialEquilibrium);
+        }
         let (parameters, patterns) = (|| {
             let parameters = SolverParameters::from_text(solver)?;
-            let form = slf.get().device.form();
-            Ok((parameters, patterns(form, &groups, shares.as_ref(), Keep::Cut)?))
+            Ok((
+                parameters,
+                patterns(device.form(), &groups, shares.as_ref(), Keep::Cut)?,
+            ))
         })()
         .map_err(|error: CliError| raised(py, &error))?;
         let scene = slf.clone().unbind();
-        let object: Object = run(py, move || {
+        let (object, warnings) = run(py, move || {
             let scene = scene.get();
             let equilibria = scene.equilibria(&parameters)?;
             let request = SolveRequest {
@@ -163,11 +171,109 @@ impl Scene {
                 checks,
             };
             let solved = equilibria.solve(&request, &Unseen)?;
-            Ok(solved.content().in_states(&equilibria.states()))
+            let object = solved.content().in_states(&equilibria.states());
+            Ok((object, solved.warnings()))
         })?;
-        let datasets = object.datasets.into_iter();
-        let arrays = datasets.map(|(path, dataset)| Ok((path, described(py, dataset)?)));
-        Ok((arrays.collect::<PyResult<_>>()?, object.attributes))
+        arrays_of(py, object, warnings)
+    }
+
+    /// Simulates patterns in time; returns the arrays of the file of `deaflow solve --history`.
+    #[pyo3(signature = (groups, shares, solver, *, at, every))]
+    fn history<'py>(
+        slf: &Bound<'py, Self>,
+        groups: Groups<'py>,
+        shares: Option<Shares<'py>>,
+        solver: &str,
+        at: Option<&str>,
+        every: Option<&str>,
+    ) -> PyResult<Arrays<'py>> {
+        let times = match (at, every) {
+            (None, None) => Ok(OutputTimes::default()),
+            (Some(at), None) => OutputTimes::at(at).map_err(|why| CliError::bad_input(format!("`at`: {why}"))),
+            (None, Some(every)) => {
+                OutputTimes::every(every).map_err(|why| CliError::bad_input(format!("`every`: {why}")))
+            }
+            (Some(_), Some(_)) => Err(CliError::bad_input("`at` cannot be combined with `every`")),
+        };
+        let analysis = one_state(&slf.get().device, "a history is").and_then(|()| Ok(Analysis::History(times?)));
+        analysed(slf, &groups, shares.as_ref(), solver, or_raised(slf, analysis)?)
+    }
+
+    /// Follows the load paths of patterns; returns the arrays of the file of `deaflow solve --path`.
+    #[pyo3(signature = (groups, shares, solver, *, parameter))]
+    fn path<'py>(
+        slf: &Bound<'py, Self>,
+        groups: Groups<'py>,
+        shares: Option<Shares<'py>>,
+        solver: &str,
+        parameter: &str,
+    ) -> PyResult<Arrays<'py>> {
+        let known = PathParameter::ALL.into_iter().find(|known| known.name() == parameter);
+        let analysis = known.map(Analysis::Path).ok_or_else(|| {
+            let allowed = PathParameter::ALL.map(PathParameter::name).join(", ");
+            CliError::bad_input(format!("unknown parameter of a path: {parameter:?}"))
+                .help(format!("allowed: {allowed}"))
+        });
+        analysed(slf, &groups, shares.as_ref(), solver, or_raised(slf, analysis)?)
+    }
+
+    /// Finds natural frequencies of patterns; returns the arrays of the file of `deaflow solve --modes`.
+    #[pyo3(signature = (groups, shares, solver, *, count, lumped))]
+    fn modes<'py>(
+        slf: &Bound<'py, Self>,
+        groups: Groups<'py>,
+        shares: Option<Shares<'py>>,
+        solver: &str,
+        count: usize,
+        lumped: bool,
+    ) -> PyResult<Arrays<'py>> {
+        let analysis = match (1..=MOST_MODES).contains(&count) {
+            true => one_state(&slf.get().device, "natural frequencies are").map(|()| Analysis::Modes { count, lumped }),
+            false => Err(CliError::bad_input(format!(
+                "{count} modes: allowed: 1 to {MOST_MODES}"
+            ))),
+        };
+        analysed(slf, &groups, shares.as_ref(), solver, or_raised(slf, analysis)?)
+    }
+
+    /// Finds the responses of patterns at given frequencies in Hz, or at `points` between the ends `range`; returns the
+    /// arrays of the file of `deaflow solve --response`.
+    #[pyo3(signature = (groups, shares, solver, *, hertz, range, points))]
+    fn response<'py>(
+        slf: &Bound<'py, Self>,
+        groups: Groups<'py>,
+        shares: Option<Shares<'py>>,
+        solver: &str,
+        hertz: Vec<f64>,
+        range: Option<&str>,
+        points: Option<u64>,
+    ) -> PyResult<Arrays<'py>> {
+        let frequencies = match range {
+            Some(ends) => Frequencies::between(ends, points),
+            None => Frequencies::of(&hertz),
+        };
+        let frequencies = frequencies.map_err(|why| CliError::bad_input(format!("`frequencies`: {why}")));
+        let analysis =
+            one_state(&slf.get().device, "a frequency response is").and_then(|()| Ok(Analysis::Response(frequencies?)));
+        analysed(slf, &groups, shares.as_ref(), solver, or_raised(slf, analysis)?)
+    }
+
+    /// Screens the effects of the scene with patterns, or else with reference patterns; returns what `deaflow screen
+    /// --json` prints.
+    fn screen(slf: &Bound<'_, Self>, groups: Option<Groups<'_>>, solver: &str) -> PyResult<String> {
+        let device = &slf.get().device;
+        let read = SolverParameters::from_text(solver).map_err(CliError::from);
+        let limit = or_raised(slf, read)?.work_limit();
+        let named = |(at, pattern)| TestPattern::new(&format!("pattern {at}"), pattern);
+        let tests = groups.map(|groups| {
+            let patterns = patterns(device.form(), &groups, None, Keep::Cut)?.into_iter();
+            Ok(patterns.enumerate().map(named).collect())
+        });
+        let tests = or_raised(slf, tests.transpose())?;
+        let device = device.clone();
+        run(slf.py(), move || {
+            Ok(cli::screen(device, tests, limit)?.document().to_string())
+        })
     }
 
     /// Computes the value of an objective and its gradient with respect to the covered shares, for each pattern; NaN
@@ -185,6 +291,50 @@ impl Scene {
         differentiated(slf, (&groups, &shares), solver, move |_, fields| {
             value_and_slopes(&goal, fields)
         })
+    }
+
+    /// Computes the value of an objective and its derivatives with respect to parameters of the scene, for each pattern
+    /// of whole cells; NaN without a stable solution. That with respect to voltages has the axes pattern, state and
+    /// group, the others only the first of them.
+    #[pyo3(signature = (groups, objective_text, solver, parameters))]
+    fn value_and_derivatives<'py>(
+        slf: &Bound<'py, Self>,
+        groups: Groups<'py>,
+        objective_text: &str,
+        solver: &str,
+        parameters: Vec<String>,
+    ) -> PyResult<ValuesAndDerivatives<'py>> {
+        let py = slf.py();
+        let device = &slf.get().device;
+        let wanted = parameters.iter().map(|name| Parameter::find(name));
+        let wanted: Vec<Parameter> = or_raised(slf, wanted.collect())?;
+        let goal = or_raised(slf, objective(objective_text, device))?;
+        let solver = or_raised(slf, SolverParameters::from_text(solver).map_err(CliError::from))?;
+        let patterns = or_raised(slf, patterns(device.form(), &groups, None, Keep::Cut))?;
+        let (of, count, asked) = (slf.clone().unbind(), patterns.len(), wanted.clone());
+        let found = run(py, move || {
+            let scene = of.get();
+            let equilibria = scene.equilibria(&solver)?;
+            values_and_derivatives(&equilibria, &scene.device, &patterns, &asked, &goal)
+        })?;
+        let values = found
+            .iter()
+            .map(|found| found.as_ref().map_or(f64::NAN, |(value, _)| *value));
+        let values = shaped(py, values.collect(), vec![count])?;
+        let states = device.in_states().len();
+        let derivatives = wanted.iter().enumerate().map(|(at, parameter)| {
+            let shape = match parameter {
+                Parameter::Voltage => vec![states, device.groups()],
+                _ => Vec::new(),
+            };
+            let missing = vec![f64::NAN; shape.iter().product()];
+            let each = found
+                .iter()
+                .map(|found| found.as_ref().map_or(&missing, |(_, own)| &own[at]));
+            let numbers: Vec<f64> = each.flatten().copied().collect();
+            shaped(py, numbers, [vec![count], shape].concat())
+        });
+        Ok((values, derivatives.collect::<PyResult<_>>()?))
     }
 
     /// Computes Σ weights · displacement and its gradient with respect to the covered shares, for each pattern; NaN
@@ -208,16 +358,54 @@ impl Scene {
     }
 }
 
+/// Raises an error of a call on a scene.
+fn or_raised<T>(scene: &Bound<'_, Scene>, result: Result<T, CliError>) -> PyResult<T> {
+    result.map_err(|error| raised(scene.py(), &error))
+}
+
+/// Analyses patterns in a scene.
+fn analysed<'py>(
+    scene: &Bound<'py, Scene>,
+    groups: &Groups<'py>,
+    shares: Option<&Shares<'py>>,
+    solver: &str,
+    analysis: Analysis,
+) -> PyResult<Arrays<'py>> {
+    let read = SolverParameters::from_text(solver).map_err(CliError::from);
+    let parameters = or_raised(scene, read)?;
+    let patterns = or_raised(scene, patterns(scene.get().device.form(), groups, shares, Keep::Cut))?;
+    let of = scene.clone().unbind();
+    let Analysed { arrays, warnings } = run(scene.py(), move || {
+        analysis.run(&Computation {
+            scene: &of.get().device,
+            patterns: &patterns,
+            parameters: &parameters,
+            progress: &Unseen,
+        })
+    })?;
+    arrays_of(scene.py(), arrays, warnings)
+}
+
+/// Checks that a scene has no states to choose from.
+fn one_state(device: &Device, what: &str) -> Result<(), CliError> {
+    match device.states.is_empty() {
+        true => Ok(()),
+        false => Err(
+            CliError::bad_input(format!("{what} computed for one state of a device"))
+                .help("choose a state with `in_state`"),
+        ),
+    }
+}
+
 /// A value for each pattern, and a gradient for each.
 type ValuesAndGradients<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>);
 
+/// A value for each pattern, and an array of derivatives for each parameter.
+type ValuesAndDerivatives<'py> = (Bound<'py, PyAny>, Vec<Bound<'py, PyAny>>);
+
 /// Returns the weights of the corners for each of `count` patterns.
 fn weights_of(device: &Device, count: usize, weights: &PyReadonlyArray4<'_, f64>) -> Result<Vec<Field>, CliError> {
-    if !device.states.is_empty() {
-        return Err(
-            CliError::bad_input("weights are those of one state of a device").help("choose a state with `in_state`")
-        );
-    }
+    one_state(device, "weighted displacements are")?;
     let raster = device.membrane().raster;
     let [columns, rows] = raster.corner_sides();
     if weights.shape() != [count, rows, columns, 2] {

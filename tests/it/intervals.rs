@@ -9,10 +9,10 @@ use super::common::{Transcript, Workspace, snapshot, snapshots::without_numbers}
 const MORE: &str = "stages.more={ kind: sample, family: small-grid, count: 90, seed: 14 }";
 const UNSEEN: &str = "stages.unseen={ kind: solve, needs: [more], elements_per_cell: 1 }";
 const INTERVALS: &str = "stages.intervals={ kind: calibrate, needs: [surrogate, unseen], seed: 1 }";
-const POINT: &str = "{ point: [20 mm, 25 mm], direction: 0 deg }";
+pub const POINT: &str = "{ point: [20 mm, 25 mm], direction: 0 deg }";
 
 /// A calibrated model in a store, a pattern of its families and one that is far from them.
-fn workspace() -> Workspace {
+pub fn workspace() -> Workspace {
     let workspace = Workspace::tiny();
     workspace.stages(&[
         "run",

@@ -28,6 +28,11 @@ fn run(workspace: &Workspace, arguments: &[&str]) -> Output {
 }
 
 fn run_by(workspace: &Workspace, python: &str, arguments: &[&str]) -> Output {
+    run_in(workspace, &workspace.path(""), python, arguments)
+}
+
+/// Runs a python in a folder, with the package in the workspace.
+pub fn run_in(workspace: &Workspace, folder: &Path, python: &str, arguments: &[&str]) -> Output {
     let package = workspace.path("package");
     if !package.exists() {
         std::fs::create_dir(&package).unwrap();
@@ -35,7 +40,7 @@ fn run_by(workspace: &Workspace, python: &str, arguments: &[&str]) -> Output {
     }
     let mut command = workspace.dressed(python);
     command.arg("-B").args(arguments).env("PYTHONPATH", package);
-    command.output().unwrap()
+    command.current_dir(folder).output().unwrap()
 }
 
 fn python(workspace: &Workspace, script: &str) -> Output {
@@ -44,8 +49,13 @@ fn python(workspace: &Workspace, script: &str) -> Output {
 
 /// Runs a file of `tests/it/python`; returns what it prints.
 fn script(workspace: &Workspace, name: &str, argument: &str) -> String {
+    script_by(workspace, &super::h5py::python(), name, argument)
+}
+
+/// As [`script`], by a python.
+fn script_by(workspace: &Workspace, python: &str, name: &str, argument: &str) -> String {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/python").join(name);
-    let output = run(workspace, &[file.to_str().unwrap(), argument]);
+    let output = run_by(workspace, python, &[file.to_str().unwrap(), argument]);
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     let (stdout, stderr) = (text(&output.stdout), text(&output.stderr));
     assert!(output.status.success(), "{name} {argument}: {stdout}{stderr}");
@@ -96,6 +106,45 @@ fn results_have_the_bits_of_the_files_of_the_command() {
     assert!(compared.trim().parse::<u32>().unwrap() > 60, "{compared} arrays");
 }
 
+#[test]
+fn histories_paths_modes_and_responses_have_the_bits_of_the_files_of_the_command() {
+    let workspace = Workspace::new();
+    let geometry = "geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }\n";
+    let drive = "drive: { voltage: 4 kV, waveform: { step: {} }, duration: 10 s }\n";
+    let creep = "effects: { viscoelasticity: {} }
+properties: { viscoelasticity: { branches: [{ modulus: 45 kPa, time: 1 s }] }, density: 960 kg/m3 }\n";
+    workspace.write("moving.yaml", &format!("{geometry}{MATERIAL}{drive}{creep}"));
+    let strip = "geometry:
+  size: [40 mm, 20 mm]
+  thickness: 1 mm
+  prestretch: [2.5, 2]
+  cells: [8, 4]
+  sides: { right: { bar: { load: [0.3 N, 0 N], moves: [x] } }, top: free, bottom: roller }
+drive: { voltage: 2 kV }\n";
+    workspace.write("bar.yaml", &format!("{strip}{MATERIAL}effects: {{}}\n"));
+    let script = "import numpy as np
+y, x = np.mgrid[:10, :10]
+np.save('few.npy', np.array([x < 5, (x + y) % 3 == 0]).astype('u1'))
+np.save('one.npy', (x < 5).astype('u1'))
+np.save('rows.npy', np.ones((4, 8), dtype='u1'))";
+    assert!(python(&workspace, script).status.success());
+    for line in [
+        "solve moving.yaml few.npy --history --at 0s,1s,10s --elements-per-cell 1 -o history.h5",
+        "solve moving.yaml one.npy --history --every 5s --accuracy 0.05mm --time-limit 100s -o every.h5",
+        "solve moving.yaml few.npy --path -o path.h5",
+        "solve bar.yaml rows.npy --path=load --elements-per-cell 2 --tolerance 1e-9 -o load.h5",
+        "solve moving.yaml few.npy --modes 3 --lumped -o modes.h5",
+        "solve moving.yaml few.npy --response 1Hz:100Hz --points 5 --elements-per-cell 1 -o response.h5",
+        "solve moving.yaml few.npy --elements-per-cell 1 --order 2 --set loads={\"pressure\":\"500Pa\"} -o space.h5",
+        "solve moving.yaml one.npy --path=volume --set loads={\"volume\":\"8ml\"} -o volume.h5",
+    ] {
+        let ended = workspace.run(&line.split_whitespace().collect::<Vec<_>>());
+        assert_eq!(ended.code, Some(0), "{line}: {}", ended.stderr);
+    }
+    let compared = self::script(&workspace, "analyses.py", "");
+    assert!(compared.trim().parse::<u32>().unwrap() > 150, "{compared} arrays");
+}
+
 /// Writes a picture whose greys cover cells in part, and the greys, `[y][x]` from below.
 fn grey(workspace: &Workspace) {
     let greys: Vec<u8> = (0..20 * 20).map(|at| (at * 37 % 256) as u8).collect();
@@ -109,8 +158,53 @@ fn grey(workspace: &Workspace) {
 }
 
 #[test]
+fn predictions_have_the_bits_of_the_files_of_the_command() {
+    let workspace = super::intervals::workspace();
+    for more in [
+        &["-o", "out.h5", "--objective", super::intervals::POINT][..],
+        &["-o", "plain.h5", "--calibration", "intervals"],
+    ] {
+        let ended = workspace.run(&[&["predict", "tiny.yaml:surrogate", "cells.csv", "board.csv"][..], more].concat());
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    }
+    let compared = script(&workspace, "model.py", "");
+    assert!(compared.trim().parse::<u32>().unwrap() > 20, "{compared} arrays");
+}
+
+#[test]
+fn effects_are_screened_as_by_the_command() {
+    let workspace = with_scenes();
+    let python = |call: &str| -> Value {
+        let script = format!(
+            "import deaflow, json, numpy
+scene, patterns = deaflow.Scene.read('plain.yaml'), numpy.load('patterns.npy')
+print(json.dumps(scene.screen({call})))"
+        );
+        serde_json::from_str(&printed(&workspace, &script)).unwrap()
+    };
+    for (call, more) in [
+        ("", &[][..]),
+        ("patterns, time_limit='2 s'", &["patterns.npy", "--time-limit", "2 s"]),
+    ] {
+        let ended = workspace.run(&[&["screen", "plain.yaml", "--json"][..], more].concat());
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        // The command calls a pattern by its file.
+        let named = |text: String, at: usize| text.replace(&format!("patterns.npy[{at}]"), &format!("pattern {at}"));
+        let text = (0..3).fold(ended.json().to_string(), named);
+        let expected: Value = serde_json::from_str(&text).unwrap();
+        let found = python(call);
+        assert_eq!(found, expected, "{call}");
+    }
+}
+
+#[test]
 fn gradients_are_those_of_central_differences() {
     script(&Workspace::new(), "gradient.py", "");
+}
+
+#[test]
+fn derivatives_with_respect_to_parameters_are_those_of_central_differences() {
+    script(&Workspace::new(), "parameters.py", "");
 }
 
 #[test]
@@ -197,6 +291,21 @@ fn what_is_not_a_pattern_is_refused() {
         "plain.solve(one, accuracy='0.1 V')",
         "plain.solve(one, accuracy='0.1 mm', order=2)",
         "plain.solve(one / 2, method='linear')",
+        "plain.history(numpy.ones((20, 20), dtype=int))",
+        "plain.history(one / 2, at=[1])",
+        "plain.history(one, at='1 V')",
+        "plain.history(one, at=[1], every=1)",
+        "device.history(groups, at=[1])",
+        "plain.path(one, 'charge')",
+        "plain.path(one, 'load')",
+        "plain.modes(one, 3)",
+        "plain.modes(one, 0)",
+        "plain.response(one, [])",
+        "plain.response(one, '1 Hz')",
+        "plain.response(one, [1, -1])",
+        "plain.response(one, [1, 2], points=3)",
+        "inflated.solve(one, cells=True)",
+        "inflated.solve(one, accuracy='0.1 mm')",
         "plain.value_and_gradient(one, {'point': ['25 mm', '25 mm']})",
         "plain.value_and_gradient(one, {'point': ['25 mm', '60 mm'], 'direction': '0 deg'})",
         "plain.value_and_gradient(one, {'point': ['25 mm', '5 mm'], 'direction': '0 deg', 'time': '1 s'})",
@@ -206,6 +315,7 @@ fn what_is_not_a_pattern_is_refused() {
         let script = format!(
             "import deaflow, numpy
 plain, device = deaflow.Scene.read('plain.yaml'), deaflow.Scene.read('device.yaml')
+inflated = deaflow.Scene.read('plain.yaml', {{'loads': {{'pressure': '100 Pa'}}}})
 one, groups = numpy.ones((20, 20)), {groups}
 try: {call}
 except Exception as error: print(type(error).__name__, error, sep=': ')

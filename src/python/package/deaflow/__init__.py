@@ -12,6 +12,7 @@ corner, vectors last, displacements in mm. See docs/python.md.
 
 from ._deaflow import Error, __version__
 from .arrays import Arrays, NotFound
+from .model import Model
 from .pipeline import PipelineRun, run
 from .result import Result
 from .scene import Scene
@@ -21,6 +22,7 @@ __all__ = [
     "Arrays",
     "Artifact",
     "Error",
+    "Model",
     "NotFound",
     "PipelineRun",
     "Result",
@@ -35,5 +37,5 @@ __all__ = [
 ]
 
 # Messages and documentation name them as users do.
-for _public in (Arrays, Artifact, NotFound, PipelineRun, Result, Run, Scene, StoreError, load, open, run, runs):
+for _public in (Arrays, Artifact, Model, NotFound, PipelineRun, Result, Run, Scene, StoreError, load, open, run, runs):
     _public.__module__ = __name__

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 __version__: str
 
 Described = tuple[NDArray[Any], str, str, list[str]]
+Found = tuple[dict[str, Described], dict[str, str], list[str]]
 
 class Error(Exception):
     """An error of deaflow, with the text that the command prints."""
@@ -46,7 +47,44 @@ class Scene:
         *,
         cells: bool,
         checks: bool,
-    ) -> tuple[dict[str, Described], dict[str, str]]: ...
+    ) -> Found: ...
+    def history(
+        self,
+        groups: NDArray[np.uint8],
+        shares: Optional[NDArray[np.float64]],
+        solver: str,
+        *,
+        at: Optional[str],
+        every: Optional[str],
+    ) -> Found: ...
+    def path(
+        self,
+        groups: NDArray[np.uint8],
+        shares: Optional[NDArray[np.float64]],
+        solver: str,
+        *,
+        parameter: str,
+    ) -> Found: ...
+    def modes(
+        self,
+        groups: NDArray[np.uint8],
+        shares: Optional[NDArray[np.float64]],
+        solver: str,
+        *,
+        count: int,
+        lumped: bool,
+    ) -> Found: ...
+    def response(
+        self,
+        groups: NDArray[np.uint8],
+        shares: Optional[NDArray[np.float64]],
+        solver: str,
+        *,
+        hertz: list[float],
+        range: Optional[str],
+        points: Optional[int],
+    ) -> Found: ...
+    def screen(self, groups: Optional[NDArray[np.uint8]], solver: str) -> str: ...
     def value_and_gradient(
         self,
         groups: NDArray[np.uint8],
@@ -54,6 +92,13 @@ class Scene:
         objective_text: str,
         solver: str,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    def value_and_derivatives(
+        self,
+        groups: NDArray[np.uint8],
+        objective_text: str,
+        solver: str,
+        parameters: list[str],
+    ) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]: ...
     def weighted(
         self,
         groups: NDArray[np.uint8],
@@ -61,5 +106,18 @@ class Scene:
         weights: NDArray[np.float64],
         solver: str,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+
+@final
+class Model:
+    @staticmethod
+    def read(name: str, calibration: Optional[str], store: Optional[str]) -> Model: ...
+    @property
+    def scene(self) -> Optional[str]: ...
+    @property
+    def network(self) -> str: ...
+    @property
+    def shape(self) -> tuple[int, int]: ...
+    def check_scene(self, text: str) -> None: ...
+    def predict(self, groups: NDArray[np.uint8], objectives: list[str]) -> Found: ...
 
 def main(arguments: list[str]) -> int: ...

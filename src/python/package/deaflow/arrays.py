@@ -14,8 +14,12 @@ __all__ = ["Arrays", "NotFound"]
 MOST_COLUMNS = 16
 
 
-class NotFound(LookupError):
+class NotFound(KeyError):
     """No run, stage, artifact or array has the given name."""
+
+    def __str__(self) -> str:
+        # That of KeyError is the message in quotes.
+        return str(self.args[0]) if self.args else ""
 
 
 class Arrays(Mapping[str, NDArray[Any]]):

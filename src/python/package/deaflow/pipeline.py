@@ -10,9 +10,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Optional, Union
 
 from ._deaflow import Error
-from .scene import _value
 from .store import Artifact
 from .store import open as open_artifact
+from .values import to_value
 
 PathLike = Union[str, "os.PathLike[str]"]
 
@@ -89,7 +89,7 @@ def run(
     """
     words = [sys.executable, "-m", "deaflow", "run", os.fspath(pipeline), "--json"]
     words += [] if progress == "bars" else ["--progress", progress]
-    words += [f"--set={key}={_value(value)}" for key, value in (overrides or {}).items()]
+    words += [f"--set={key}={to_value(value)}" for key, value in (overrides or {}).items()]
     for option, value in (("--store", store), ("--until", until), ("--jobs", jobs)):
         words += [] if value is None else [option, str(value)]
     stderr = subprocess.PIPE if progress == "none" else None

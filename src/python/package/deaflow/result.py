@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 class Result(Arrays):
     """What `Scene.solve` found: the arrays of the file that ``deaflow solve -o`` writes, by the same names.
 
+    `Scene.history`, `Scene.path`, `Scene.modes` and `Scene.response` return the arrays of their own files.
+
     Attributes
     ----------
     patterns : ndarray of uint8, (n, ny, nx)
@@ -27,12 +29,15 @@ class Result(Arrays):
         How each simulation ended: "converged", "pull-in", …
     max_displacement : ndarray of float64, (n,)
         The largest displacement in mm.
+    warnings : list of str
+        Warnings about the model, such as neglected effects; `checks=True` finds more.
 
     All others are listed by ``print(result)``, and explained by ``result.descriptions``.
     """
 
-    def __init__(self, arrays: dict[str, Described], attributes: dict[str, str]) -> None:
+    def __init__(self, arrays: dict[str, Described], attributes: dict[str, str], warnings: list[str]) -> None:
         self.attributes = attributes
+        self.warnings = warnings
         self._arrays = {path: values for path, (values, *_) in arrays.items()}
         self.shapes = {path: values.shape for path, values in self._arrays.items()}
         self.units = {path: units for path, (_, units, _, _) in arrays.items()}
@@ -57,11 +62,6 @@ class Result(Arrays):
     def error(self) -> Optional[NDArray[np.float64]]:
         """The estimated error of the displacement by the mesh in mm, (n,); None unless an `accuracy` was given."""
         return self._arrays.get("discretisation_error")
-
-    @property
-    def warnings(self) -> list[str]:
-        """Warnings about neglected effects; `checks=True` finds more."""
-        return self.attributes.get("warnings", "").splitlines()
 
     def table(self) -> Any:
         """Return a `pandas.DataFrame` with a row for each pattern; see `Arrays.to_pandas`."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Optional, Union
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _deaflow
 from .result import Result
+from .values import to_json, to_value, with_unit
 
 PathLike = Union[str, "os.PathLike[str]"]
 
@@ -32,7 +33,7 @@ class Scene:
     """
 
     def __init__(self, values: Mapping[str, Any]) -> None:
-        self._scene = _deaflow.Scene.of_text(_json(values))
+        self._scene = _deaflow.Scene.of_text(to_json(values))
 
     @classmethod
     def read(cls, path: PathLike, overrides: Optional[Mapping[str, Any]] = None) -> Scene:
@@ -50,7 +51,7 @@ class Scene:
         Error
             If the file cannot be read, or a value is invalid.
         """
-        sets = [f"{key}={_value(value)}" for key, value in (overrides or {}).items()]
+        sets = [f"{key}={to_value(value)}" for key, value in (overrides or {}).items()]
         return cls._of(_deaflow.Scene.read(os.fspath(path), sets))
 
     @classmethod
@@ -114,7 +115,8 @@ class Scene:
     ) -> Result:
         """Find the equilibrium of each pattern, in each state of the scene.
 
-        All cores are used and other threads of Python run meanwhile. Ctrl-C ends it.
+        All cores are used and other threads of Python run meanwhile. Ctrl-C ends it. If the scene is under pressure, or
+        its bodies move out of the plane, displacements have three components; the last one is the height.
 
         Parameters
         ----------
@@ -156,18 +158,225 @@ class Scene:
         solver = _solver(method, elements_per_cell, order, accuracy, tolerance, time_limit)
         return Result(*self._scene.solve(groups, shares, solver, cells=cells, checks=checks))
 
-    def value_and_gradient(
+    def history(
         self,
         patterns: ArrayLike,
-        objective: Mapping[str, Any],
         *,
+        at: Union[str, Sequence[float], NDArray[Any], None] = None,
+        every: Union[str, float, None] = None,
+        elements_per_cell: Optional[int] = None,
+        order: Optional[int] = None,
+        accuracy: Optional[str] = None,
+        tolerance: Optional[float] = None,
+        time_limit: Optional[str] = None,
+    ) -> Result:
+        """Simulate each pattern over the time of the drive, as ``deaflow solve --history`` does.
+
+        The scene has one state: see `in_state`. Cells are not covered in part.
+
+        Parameters
+        ----------
+        patterns : array of int or bool, (n, ny, nx) or (ny, nx)
+            As for `solve`.
+        at : str or sequence of float, optional
+            The output times, such as ``"0 s, 1 s, 10 min"``, or numbers in s. 0 s is just after the start of the drive.
+            By default 25 times up to the `duration` of the drive.
+        every : str or float, optional
+            The interval between output times, such as ``"10 s"``, or a number in s, instead of `at`.
+        elements_per_cell, order, accuracy, tolerance, time_limit
+            As for `solve`. An accuracy is that of the mesh and of the time steps.
+
+        Returns
+        -------
+        Result
+            Among others `time` in s, (nt,), `displacement` in mm, (n, nt, ny + 1, nx + 1, 2), and `max_displacement` in
+            mm, (n, nt); NaN after stability is lost, and `outcome` says why.
+
+        Raises
+        ------
+        Error
+            As for `solve`; also if the scene cannot be simulated in time, or there is no end time.
+        """
+        groups, shares = _patterns(patterns, None)
+        solver = _solver(None, elements_per_cell, order, accuracy, tolerance, time_limit)
+        times = at if at is None or isinstance(at, str) else ", ".join(with_unit(time, "s") for time in at)
+        interval = every if every is None else with_unit(every, "s")
+        return Result(*self._scene.history(groups, shares, solver, at=times, every=interval))
+
+    def path(
+        self,
+        patterns: ArrayLike,
+        parameter: str = "voltage",
+        *,
+        coverage: Optional[ArrayLike] = None,
+        elements_per_cell: int = 1,
+        order: int = 2,
+        tolerance: Optional[float] = None,
+    ) -> Result:
+        """Follow each pattern from rest past the point where it loses stability, as ``deaflow solve --path`` does.
+
+        Parameters
+        ----------
+        patterns, coverage, elements_per_cell, order, tolerance
+            As for `solve`, but on one biquadratic element per cell by default: bilinear elements overestimate critical
+            voltages.
+        parameter : str
+            What changes: "voltage" (default) from 0, whatever the voltage of the scene; or at that voltage the forces
+            of the scene ("load"), the given displacements of its bars ("displacement"), the "pressure" or the "volume"
+            of its loads, from 0 to those of the scene.
+
+        Returns
+        -------
+        Result
+            The points of all paths in a row: those of pattern k are the rows ``point_offsets[k]`` to
+            ``point_offsets[k + 1]`` of `voltage` in V, `max_displacement` in mm, `stable` and others. Where stability
+            is lost is in `limit_kind`, `limit_voltage` and `limit_error` in V, (n,). Of a scene under pressure the points
+            have `pressure` in Pa, `volume` in ml and `height` in mm.
+
+        Raises
+        ------
+        Error
+            As for `solve`; also if there is no stable state at which a path could start.
+        """
+        groups, shares = _patterns(patterns, coverage)
+        solver = _solver(None, elements_per_cell, order, None, tolerance, None)
+        return Result(*self._scene.path(groups, shares, solver, parameter=parameter))
+
+    def modes(
+        self,
+        patterns: ArrayLike,
+        count: int,
+        *,
+        lumped: bool = False,
         coverage: Optional[ArrayLike] = None,
         elements_per_cell: Optional[int] = None,
         order: Optional[int] = None,
         tolerance: Optional[float] = None,
         time_limit: Optional[str] = None,
-    ) -> tuple[Any, NDArray[np.float64]]:
-        """Compute an objective and its derivative with respect to the covered share of each cell.
+    ) -> Result:
+        """Find the lowest natural frequencies of each pattern about its equilibrium, as ``deaflow solve --modes`` does.
+
+        The scene has one state, see `in_state`, and a density.
+
+        Parameters
+        ----------
+        patterns, coverage, elements_per_cell, order, tolerance, time_limit
+            As for `solve`.
+        count : int
+            The number of frequencies in the plane, and of those out of it; 1 to 100.
+        lumped : bool
+            Whether the mass is lumped at the nodes.
+
+        Returns
+        -------
+        Result
+            Among others `frequencies` in Hz, (n, count), with `modes`, (n, count, ny + 1, nx + 1, 2), and
+            `out_of_plane_frequencies` with `out_of_plane_modes`, (n, count, ny + 1, nx + 1). NaN without a stable
+            equilibrium, and where the mesh has no more motions.
+
+        Raises
+        ------
+        Error
+            As for `solve`; also if the scene has no density.
+        """
+        groups, shares = _patterns(patterns, coverage)
+        solver = _solver(None, elements_per_cell, order, None, tolerance, time_limit)
+        return Result(*self._scene.modes(groups, shares, solver, count=count, lumped=lumped))
+
+    def response(
+        self,
+        patterns: ArrayLike,
+        frequencies: Union[str, Sequence[float], NDArray[Any]],
+        *,
+        points: Optional[int] = None,
+        elements_per_cell: Optional[int] = None,
+        order: Optional[int] = None,
+        tolerance: Optional[float] = None,
+        time_limit: Optional[str] = None,
+    ) -> Result:
+        """Find the response to a small alternating voltage about each equilibrium: ``deaflow solve --response``.
+
+        The scene has one state: see `in_state`. Cells are not covered in part.
+
+        Parameters
+        ----------
+        patterns : array of int or bool, (n, ny, nx) or (ny, nx)
+            As for `solve`.
+        frequencies : str or sequence of float
+            The lowest and the highest frequency, such as ``"1 Hz:1 kHz"``; or frequencies in Hz.
+        points : int, optional
+            The number of frequencies between the lowest and the highest one, logarithmically spaced; 100 by default.
+        elements_per_cell, order, tolerance, time_limit
+            As for `solve`.
+
+        Returns
+        -------
+        Result
+            Among others `frequency` in Hz, (nf,), `response_real` and `response_imaginary` in mm/V, (n, nf, ny + 1,
+            nx + 1, 2), and `amplitude` in mm/V and `phase` in degrees, (n, nf), of the corner that moves most.
+
+        Raises
+        ------
+        Error
+            As for `solve`; also if the drive has no voltage as bias.
+        """
+        groups, shares = _patterns(patterns, None)
+        solver = _solver(None, elements_per_cell, order, None, tolerance, time_limit)
+        if isinstance(frequencies, str):
+            found = self._scene.response(groups, shares, solver, hertz=[], range=frequencies, points=points)
+        elif points is not None:
+            raise TypeError('`points` is for a range of frequencies, such as "1 Hz:1 kHz"')
+        else:
+            hertz = [float(frequency) for frequency in frequencies]
+            found = self._scene.response(groups, shares, solver, hertz=hertz, range=None, points=None)
+        return Result(*found)
+
+    def screen(
+        self, patterns: Optional[ArrayLike] = None, *, time_limit: Optional[str] = None
+    ) -> dict[str, Any]:
+        """Compare the effects of the scene with their thresholds, as ``deaflow screen`` does.
+
+        Parameters
+        ----------
+        patterns : array of int or bool, (n, ny, nx) or (ny, nx), optional
+            The patterns to evaluate; by default extreme ones.
+        time_limit : str, optional
+            Work limit of each simulation, such as "60 s".
+
+        Returns
+        -------
+        dict
+            What ``deaflow screen --json`` prints: ``"effects"``, a list of dicts with `effect`, `quantity`, `number`,
+            `threshold`, `called_for`, `status`, `change`, `cost` and others; ``"simulated"``, the names of the effects
+            that are on; ``"warnings"``, a line for each significant effect that is off.
+
+        Raises
+        ------
+        Error
+            If a pattern is invalid, or the effects cannot be simulated.
+        """
+        groups = None
+        if patterns is not None:
+            groups, shares = _patterns(patterns, None)
+            if shares is not None:
+                raise TypeError("effects are compared on whole cells: patterns are integers or bools, not floats")
+        solver = _solver(None, None, None, None, None, time_limit)
+        found: dict[str, Any] = json.loads(self._scene.screen(groups, solver))
+        return found
+
+    def value_and_gradient(
+        self,
+        patterns: ArrayLike,
+        objective: Mapping[str, Any],
+        *,
+        wrt: Union[str, Sequence[str]] = "coverage",
+        coverage: Optional[ArrayLike] = None,
+        elements_per_cell: Optional[int] = None,
+        order: Optional[int] = None,
+        tolerance: Optional[float] = None,
+        time_limit: Optional[str] = None,
+    ) -> tuple[Any, Any]:
+        """Compute an objective and its derivative with respect to the covered share of each cell, or to parameters.
 
         The derivative is exact for the mesh, by the adjoint method: it takes one more linear solution.
 
@@ -177,6 +386,10 @@ class Scene:
             As for `solve`.
         objective : mapping
             The objective of a `design` stage, such as ``{"point": ["25 mm", "25 mm"], "direction": "0 deg"}``.
+        wrt : str or sequence of str
+            "coverage" (default); or some of "voltage", "shear_modulus", "relative_permittivity" and "thickness", for
+            patterns of whole cells. The last three are for membranes whose sides are held, without other forces, and
+            "voltage" for effects on which it has no other influence.
 
         Returns
         -------
@@ -187,7 +400,9 @@ class Scene:
             The derivative of the value with respect to the share that the electrode of each cell covers; of a bare
             cell, by an electrode at the largest voltage. 0 on frames and bodies, NaN without a stable solution. Among
             cells of equal shares other than 0 and 1 there is no derivative, as the edges that cut them have no
-            direction.
+            direction. For another `wrt` a dict of ndarray by its names: of (n,), or of floats if `patterns` has two
+            axes, in the unit of the value per V, per Pa, per 1 and per mm. Of "voltage" there is an axis more for the
+            `states` if the scene has some, in their order, and one for its electrode groups if it has several.
 
         Raises
         ------
@@ -195,10 +410,37 @@ class Scene:
             If the objective is invalid, or the scene has no such derivative: effects that are not simulated where
             cells are covered in part, such as `wrinkling`.
         """
-        groups, shares = _shares(patterns, coverage)
         solver = _solver(None, elements_per_cell, order, None, tolerance, time_limit)
-        values, gradient = self._scene.value_and_gradient(groups, shares, _json(objective), solver)
+        if wrt != "coverage":
+            if coverage is not None:
+                raise TypeError('`coverage` is for `wrt="coverage"`: other derivatives are those of whole cells')
+            names = [wrt] if isinstance(wrt, str) else list(wrt)
+            parameters = [name for name in names if name != "coverage"]
+            value, found = self._derivatives(patterns, to_json(objective), solver, parameters)
+            if "coverage" in names:
+                groups, shares = _shares(patterns, None)
+                _, gradient = self._scene.value_and_gradient(groups, shares, to_json(objective), solver)
+                found["coverage"] = gradient[0] if np.ndim(patterns) == 2 else gradient
+            return value, found
+        groups, shares = _shares(patterns, coverage)
+        values, gradient = self._scene.value_and_gradient(groups, shares, to_json(objective), solver)
         return (float(values[0]), gradient[0]) if np.ndim(patterns) == 2 else (values, gradient)
+
+    def _derivatives(
+        self, patterns: ArrayLike, objective: str, solver: str, names: list[str]
+    ) -> tuple[Any, dict[str, Any]]:
+        groups, shares = _patterns(patterns, None)
+        if shares is not None:
+            raise TypeError("derivatives with respect to parameters are those of whole cells: integers or bools")
+        values, derivatives = self._scene.value_and_derivatives(groups, objective, solver, names)
+        found: dict[str, Any] = {}
+        for name, each in zip(names, derivatives):
+            if name == "voltage":
+                # Axes of the states and of the electrode groups are left out where there is one.
+                each = each if self.states else each[:, 0]
+                each = each if self.groups > 1 else each[..., 0]
+            found[name] = each[0] if np.ndim(patterns) == 2 else each
+        return (float(values[0]) if np.ndim(patterns) == 2 else values), found
 
     def displacement_gradient(
         self,
@@ -299,23 +541,4 @@ def _solver(
         "tolerance": tolerance,
         "time_limit": time_limit,
     }
-    return _json({key: value for key, value in options.items() if value is not None})
-
-
-def _value(value: Any) -> str:
-    """Return the value of an override in YAML; texts are YAML already, as on the command line."""
-    return value if isinstance(value, str) else _json(value)
-
-
-def _json(value: Any) -> str:
-    """Return a value in JSON, which is YAML too."""
-    return json.dumps(value, default=_plain, ensure_ascii=False)
-
-
-def _plain(value: Any) -> Any:
-    """Return what JSON knows for a number or an array of numpy, or a mapping."""
-    if isinstance(value, Mapping):
-        return dict(value)
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    raise TypeError(f"{value!r} has no form in YAML")
+    return to_json({key: value for key, value in options.items() if value is not None})
