@@ -198,6 +198,24 @@ print(json.dumps(scene.screen({call})))"
 }
 
 #[test]
+fn membranes_are_drawn_where_they_have_moved_to() {
+    let workspace = with_scenes();
+    let error = "import sys; sys.modules['matplotlib'] = None
+import deaflow, numpy
+scene = deaflow.Scene.read('plain.yaml')
+try: scene.plot(scene.solve(numpy.load('patterns.npy')))
+except ImportError as error: print(error)";
+    assert_eq!(
+        printed(&workspace, error),
+        "this needs matplotlib: pip install matplotlib\n"
+    );
+    let look = || readers::python("frameworks", "matplotlib, numpy");
+    if let Some(python) = readers::installed("matplotlib, for drawings of membranes", look) {
+        script_by(&workspace, &python, "plot.py", "");
+    }
+}
+
+#[test]
 fn gradients_are_those_of_central_differences() {
     script(&Workspace::new(), "gradient.py", "");
 }
@@ -205,6 +223,29 @@ fn gradients_are_those_of_central_differences() {
 #[test]
 fn derivatives_with_respect_to_parameters_are_those_of_central_differences() {
     script(&Workspace::new(), "parameters.py", "");
+}
+
+#[test]
+fn designs_have_the_bits_of_a_stage_and_their_search_is_told() {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &super::common::scene_file());
+    for (name, search) in [
+        ("along", "method: adjoint, area: 0.5, units: 20, starts: 1, seed: 1"),
+        (
+            "ga",
+            "population: 60, generations: 3, evaluator: linear, seed: 3, constraints: { keep_out: [{ disc: { centre: \
+             [25 mm, 25 mm], radius: 3 mm } }] }",
+        ),
+    ] {
+        let objective = "objective: { point: [25 mm, 25 mm], direction: 0 deg }";
+        let stage = format!("stages: {{ design: {{ kind: design, {objective}, {search} }} }}");
+        workspace.write(
+            &format!("{name}.yaml"),
+            &format!("version: 1\nname: {name}\nscene: scene.yaml\n{stage}\n"),
+        );
+        workspace.stages(&["run", &format!("{name}.yaml")]);
+    }
+    script(&workspace, "design.py", "");
 }
 
 #[test]

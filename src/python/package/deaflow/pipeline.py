@@ -6,7 +6,8 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Optional, Union
 
 from ._deaflow import Error
@@ -56,7 +57,7 @@ def run(
     store: Optional[PathLike] = None,
     until: Optional[str] = None,
     jobs: Optional[int] = None,
-    progress: str = "none",
+    progress: Union[str, Callable[[dict[str, Any]], object]] = "none",
 ) -> PipelineRun:
     """Build the stale stages of a pipeline, as ``deaflow run`` does, with the same store, keys and digests.
 
@@ -74,8 +75,9 @@ def run(
         Only this stage and its inputs.
     jobs : int, optional
         Number of threads.
-    progress : str
-        How progress is shown on stderr: "none" (default), "bars", "plain" or "json".
+    progress : str or callable
+        How progress is shown on stderr: "none" (default), "bars", "plain" or "json". A function is called with each
+        event of "json" as a dict, with its name as ``"event"``; an exception in it stops the run.
 
     Returns
     -------
@@ -88,21 +90,51 @@ def run(
         If the pipeline is invalid or a stage fails.
     """
     words = [sys.executable, "-m", "deaflow", "run", os.fspath(pipeline), "--json"]
-    words += [] if progress == "bars" else ["--progress", progress]
+    if progress != "bars":
+        words += ["--progress", progress if isinstance(progress, str) else "json"]
     words += [f"--set={key}={to_value(value)}" for key, value in (overrides or {}).items()]
     for option, value in (("--store", store), ("--until", until), ("--jobs", jobs)):
         words += [] if value is None else [option, str(value)]
-    stderr = subprocess.PIPE if progress == "none" else None
-    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=stderr, text=True, env=_environment())
-    try:
-        printed, errors = process.communicate()
-    except KeyboardInterrupt:
-        # It was interrupted too, and keeps what is finished.
-        process.communicate()
-        raise
-    if process.returncode not in COMPLETE:
-        raise _error(process.returncode, printed, errors or "")
+    code, printed, errors = _outcome(words, progress)
+    if code not in COMPLETE:
+        raise _error(code, printed, errors)
     return PipelineRun(json.loads(printed))
+
+
+def _outcome(words: list[str], progress: Union[str, Callable[[dict[str, Any]], object]]) -> tuple[int, str, str]:
+    """Run a command; return its exit code, what it prints, and the errors that it has not shown itself."""
+    is_shown = isinstance(progress, str) and progress != "none"
+    errors: list[str] = []
+    with tempfile.TemporaryFile("w+", encoding="utf-8") as printed:
+        stderr = None if is_shown else subprocess.PIPE
+        process = subprocess.Popen(words, stdout=printed, stderr=stderr, encoding="utf-8", env=_environment())
+        try:
+            for line in process.stderr or ():
+                event = None if isinstance(progress, str) else _event(line)
+                if event is None or isinstance(progress, str):
+                    errors.append(line)
+                else:
+                    progress(event)
+        except KeyboardInterrupt:
+            # It was interrupted too, and keeps what is finished.
+            process.communicate()
+            raise
+        except BaseException:
+            process.terminate()
+            process.communicate()
+            raise
+        process.communicate()
+        printed.seek(0)
+        return process.returncode, printed.read(), "".join(errors)
+
+
+def _event(line: str) -> Optional[dict[str, Any]]:
+    """Return the event on a line of stderr; None for other lines, such as errors."""
+    try:
+        event = json.loads(line)
+    except ValueError:
+        return None
+    return event if isinstance(event, dict) and "event" in event else None
 
 
 def _environment() -> dict[str, str]:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Optional, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _deaflow
+from .arrays import Arrays
+from .design import design
+from .plot import plot
 from .result import Result
 from .values import to_json, to_value, with_unit
 
@@ -478,6 +481,102 @@ class Scene:
         solver = _solver(None, elements_per_cell, order, None, tolerance, time_limit)
         _, gradient = self._scene.weighted(groups, shares, vectors, solver)
         return gradient[0] if np.ndim(patterns) == 2 else gradient
+
+    def design(
+        self,
+        objective: Mapping[str, Any],
+        *,
+        area: Union[float, str, None] = None,
+        method: Optional[str] = None,
+        constraints: Optional[Mapping[str, Any]] = None,
+        seed: int = 1,
+        store: Optional[PathLike] = None,
+        jobs: Optional[int] = None,
+        callback: Optional[Callable[[str], object]] = None,
+        **options: Any,
+    ) -> Result:
+        """Search for patterns that reach an objective, as a stage of kind `design` does; needs h5py.
+
+        The search is a process of its own, with the bits of ``deaflow run``. Ctrl-C stops it.
+
+        Parameters
+        ----------
+        objective : mapping
+            Such as ``{"point": ["25 mm", "25 mm"], "direction": "0 deg"}``.
+        area : float or str, optional
+            The share of the free membrane that electrodes cover, such as 0.5, or "free".
+        method : str, optional
+            "ga", the genetic algorithm (default), or "adjoint", the search along the gradient.
+        constraints : mapping, optional
+            Such as ``{"min_feature": "2 mm"}``.
+        seed : int
+            The seed of the random numbers.
+        store : path, optional
+            A folder that keeps the result and unfinished searches; by default a temporary one.
+        jobs : int, optional
+            Number of threads.
+        callback : callable, optional
+            Is called with a line for each generation and each step along the gradient, such as
+            ``"gradient step 3: 2.147 mm at area 50.0 %"``. An exception in it stops the search.
+        **options
+            The other keys of the stage, such as ``population=200``, ``generations=20``, ``refine=True``, ``starts=3``.
+
+        Returns
+        -------
+        Result
+            The arrays of the stage: among others `patterns`, (n, ny, nx), with their `role`, (n,): the designs before
+            the intuitive patterns that they are compared with; `value` in mm and `status`, (n,); `history/value` in mm
+            of each generation, and `climb/value` in mm of the steps along the gradient.
+
+        Raises
+        ------
+        Error
+            If the objective or an option is invalid, or there is no such design.
+        """
+        given = {"area": area, "method": method, "constraints": constraints, "seed": seed, **options}
+        keys = {key: value for key, value in given.items() if value is not None}
+        return design(self.text, {"objective": objective, **keys}, store, jobs, callback)
+
+    def plot(
+        self,
+        result: Arrays,
+        sample: int = 0,
+        *,
+        state: Optional[str] = None,
+        time: int = -1,
+        point: Optional[Sequence[float]] = None,
+        axes: Optional[Any] = None,
+    ) -> Any:
+        """Draw the deformed membrane with its electrodes; needs matplotlib.
+
+        Parameters
+        ----------
+        result : Result or Artifact
+            Displacements in this scene: of `solve`, `history` or `Model.predict`, or an artifact with them.
+        sample : int
+            The position of the pattern.
+        state : str, optional
+            A state of the device; the first one by default.
+        time : int
+            The position of the time of a history; the last one by default.
+        point : pair of float, optional
+            A point of the membrane in mm from its lower left corner: its motion is drawn, and told in the title.
+        axes : matplotlib.axes.Axes, optional
+            Where to draw; by default a new figure.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+            In mm, with the outline of the membrane at rest.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        ValueError
+            If the result is not one of this scene, or the point is outside the membrane.
+        """
+        return plot(self, result, sample, state, time, point, axes)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Scene) and self.text == other.text
