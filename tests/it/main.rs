@@ -45,6 +45,7 @@ mod measure;
 mod measured;
 mod model;
 mod moved;
+mod notebooks;
 mod out_of_plane;
 mod outputs;
 mod pty;
