@@ -16,7 +16,8 @@ use super::{CliError, Exit, Output, csv, diff, locate, pipeline, table};
 use deaflow_base::{Canonical, readable_time};
 use deaflow_orchestrator::file_of;
 use deaflow_report::{RemovedArtifacts, run_document};
-use deaflow_store::{Command, Run, StageOutcome, Store, StoreError};
+use deaflow_stage::{result_unit, result_words};
+use deaflow_store::{Command, Run, RunStage, StageOutcome, Store, StoreError};
 
 /// The default number of runs in the report for people.
 const DEFAULT_RUNS: usize = 20;
@@ -329,16 +330,31 @@ fn describe(run: &Run, changed: &[String], removed: &RemovedArtifacts<'_>) -> St
     lines.join("\n")
 }
 
+/// Writes a result with its unit; shares in per cent.
+fn with_unit(name: &str, value: f64) -> String {
+    let is_share = matches!(name.split('.').next(), Some("area" | "yield" | "failed"));
+    match result_unit(name) {
+        "1" if is_share => format!("{} %", table::number(100.0 * value)),
+        "1" => table::number(value),
+        unit => format!("{} {unit}", table::number(value)),
+    }
+}
+
 /// Lists the results of the last stages of a run.
 fn results(run: &Run) -> String {
-    let of = |name: &str| {
-        let prefix = format!("{name}.");
+    let of = |stage: &RunStage| {
+        let prefix = format!("{}.", stage.name);
         let all = run.results.range(prefix.clone()..);
-        all.take_while(move |(name, _)| name.starts_with(&prefix))
-            .map(|(name, value)| format!("{name} {}", table::number(*value)))
-            .collect::<Vec<_>>()
+        let own = all.take_while(|(name, _)| name.starts_with(&prefix));
+        let mut own: Vec<(&str, f64)> = own.map(|(name, value)| (&name[prefix.len()..], *value)).collect();
+        // In the order of their importance.
+        let words = result_words(&stage.kind);
+        let rank = |name: &str| words.iter().position(|word| name.split('.').next() == Some(word));
+        own.sort_by_key(|(name, _)| rank(name).unwrap_or(words.len()));
+        let line = |(name, value): (&str, f64)| format!("{prefix}{name} {}", with_unit(name, value));
+        own.into_iter().map(line).collect::<Vec<_>>()
     };
-    let mut lines: Vec<String> = run.stages.iter().rev().flat_map(|stage| of(&stage.name)).collect();
+    let mut lines: Vec<String> = run.stages.iter().rev().flat_map(of).collect();
     if lines.len() > MAX_RESULTS {
         let more = lines.len() - MAX_RESULTS;
         lines.truncate(MAX_RESULTS);

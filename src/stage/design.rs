@@ -655,7 +655,9 @@ impl Stage for DesignStage {
     }
 
     fn weight(&self) -> f64 {
-        self.options.weight()
+        let masks = self.task.targets.iter().filter_map(|target| target.masks.as_ref());
+        let masks = masks.map(|masks| masks.offsets.len()).max().unwrap_or(1);
+        self.options.weight() * masks as f64
     }
 
     fn revision(&self) -> u32 {
@@ -698,13 +700,21 @@ impl Stage for DesignStage {
             .iter()
             .map(|(_, scene)| scene.strongest_group())
             .collect();
-        let help = |error: SearchError| match error {
+        let help = |error: SearchError| {
+            match error {
             SearchError::Stopped(stopped) => stopped.into(),
             error if error.is_instability() => StageError::Advised {
                 source: error.into(),
                 help: drive_check::stability_advice(&scene),
             },
+            error if error.is_contradiction() => StageError::Advised {
+                source: error.into(),
+                help: "use another `area` (or `area: free`), or relax `constraints`: the strips that join pads and pieces \
+                       take area, too"
+                    .to_owned(),
+            },
             error => StageError::failed(error),
+        }
         };
         let search = Search {
             target,

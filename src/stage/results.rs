@@ -28,6 +28,7 @@ pub fn words_of(kind: &str) -> &'static [&'static str] {
         ArtifactKind::Design => &[
             "predicted",
             "predicted_reaction",
+            "robust",
             "area",
             CHARGE,
             HYPERVOLUME,
@@ -43,11 +44,12 @@ pub fn words_of(kind: &str) -> &'static [&'static str] {
 
 /// Returns the unit of a result, by its first word.
 pub fn unit(name: &str) -> &'static str {
-    const LENGTHS: [&str; 10] = [
+    const LENGTHS: [&str; 11] = [
         "max_displacement",
         "mean_displacement",
         "displacement",
         "predicted",
+        "robust",
         "rmse",
         "max_error",
         "error",

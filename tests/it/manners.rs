@@ -522,7 +522,7 @@ fn an_unknown_role_is_refused_with_the_known_ones() {
     let ended = workspace.run(&["export", "design", "verified", "--role", "refind", "-o", "x.svg"]);
     assert_eq!(ended.code, Some(2));
     assert!(
-        ended.stderr.contains("'refined'") && ended.stderr.contains("intuitive-equal-area"),
+        ended.stderr.contains("did you mean `refined`?") && ended.stderr.contains("intuitive-equal-area"),
         "{}",
         ended.stderr
     );

@@ -181,7 +181,8 @@ fn a_run_ends_with_the_lines_that_matter() {
     let run = ["run", "tiny.yaml", "--until", "verified"];
     let ended = workspace.run(&run);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
-    let (warned, lines): (Vec<&str>, Vec<&str>) = ended.stdout.lines().partition(|line| line.starts_with("warning: "));
+    let is_warning = |line: &&str| line.starts_with("warning: ") || line.contains(" about patterns of the dataset");
+    let (warned, lines): (Vec<&str>, Vec<&str>) = ended.stdout.lines().partition(is_warning);
     assert_eq!(lines.len(), 5, "{}", ended.stdout);
     for (line, parts) in lines.iter().zip([
         &["tiny", "8"][..],

@@ -122,7 +122,7 @@ pub enum ConstraintError {
         why: &'static str,
     },
     /// Regions with electrodes are too close.
-    #[error("the regions of `keep_in` leave gaps narrower than {least}")]
+    #[error("the regions of `keep_in` overlap, or leave gaps narrower than {least}")]
     Near {
         /// The key with the minimum width.
         least: &'static str,

@@ -265,7 +265,7 @@ impl Parameter for KeepIn {
     }
 
     fn schema((): &()) -> Schema {
-        Schema::any_of([Shape::schema(&()), GroupShapes::schema(&())])
+        Schema::any_of([GroupShapes::schema(&()), Shape::schema(&())])
     }
 
     fn literal(literal: Self) -> Self {

@@ -113,6 +113,12 @@ impl Goal {
         }
     }
 
+    /// Whether it counts for several masks.
+    #[must_use]
+    pub fn is_robust(&self) -> bool {
+        self.masks.is_some()
+    }
+
     /// The target area fraction; `None` if the area is free.
     #[must_use]
     pub fn area(&self) -> Option<f64> {

@@ -151,7 +151,11 @@ impl Robust {
         let cell_mm = membrane.cell_mm();
         let is_far = |one: &&MaskOffsets| reach(one, cell_mm).into_iter().any(|cells| cells > MOST_CELLS);
         match masks.iter().find(is_far) {
-            Some(_) => Err(format!("a mask of `robust` differs by more than {MOST_CELLS} cells")),
+            Some(mask) => Err(format!(
+                "a mask of `robust` differs by {:.3} cells from that drawn, allowed: at most {MOST_CELLS} cells of {} mm",
+                reach(mask, cell_mm).into_iter().fold(0.0, f64::max),
+                cell_mm[0].min(cell_mm[1])
+            )),
             None => Ok(Masks {
                 offsets: masks,
                 criterion,

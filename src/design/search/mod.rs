@@ -138,6 +138,17 @@ impl SearchError {
     }
 }
 
+impl SearchError {
+    /// Whether no pattern satisfies the target area and the constraints.
+    #[must_use]
+    pub fn is_contradiction(&self) -> bool {
+        match self {
+            Self::Refine { why, .. } | Self::NoStart { why, .. } => *why == StartError::NoPattern,
+            _ => false,
+        }
+    }
+}
+
 impl<'a> Search<'a> {
     /// Searches by the method of the options; `evaluators` creates the evaluators for the genetic algorithm.
     ///

@@ -69,6 +69,7 @@ impl Search<'_> {
     fn design(&self, found: FoundPattern, fields: Option<StateFields>, feasible: bool) -> FoundDesign {
         let goal = &self.target.goal;
         let status = match &fields {
+            None if goal.is_robust() => format!("{NO_FIELD} with one of the masks, or a short circuit"),
             None => NO_FIELD.to_owned(),
             Some(_) => self.status(&found, feasible),
         };

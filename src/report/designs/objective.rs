@@ -18,6 +18,8 @@ pub struct Objective {
     pub is_met: bool,
     /// The time or frequency of the objective, if it is not an equilibrium: `after 10 s` or `at 40 Hz`.
     pub moment: Option<String>,
+    /// Whether it counts for electrodes as they may be fabricated.
+    pub is_robust: bool,
     /// The objective in the syntax of pipelines.
     pub text: String,
 }
@@ -91,6 +93,7 @@ impl Objective {
             .map(|value| value.quantity("value", Dimension::Length));
         Ok(Self {
             is_met: is_measured_as_distance(root),
+            is_robust: root.peek("robust").is_some(),
             text: text.to_owned(),
             moment: [("time", "after"), ("frequency", "at")]
                 .into_iter()
@@ -167,6 +170,10 @@ impl Objective {
         let what = match self.value_mm {
             Some(mm) => format!("{what} by {mm} mm"),
             None => what,
+        };
+        let what = match self.is_robust {
+            true => format!("{what}, robust (values are those as drawn)"),
+            false => what,
         };
         match &self.moment {
             Some(moment) => format!("{what} {moment}"),

@@ -67,12 +67,26 @@ impl Presenter for DesignPresenter {
             let (stage, unit) = (&source.stage.stage, source.of(view.unit())?);
             let robust = source.of(robust_value(&view))?;
             let robust = robust.map_or_else(String::new, |value| format!(" as drawn, robust {} {unit}", mm(value)));
-            Ok(match best.reduce(f64::max) {
-                Some(value) => Headline::good(format!(
+            let text = match best.reduce(f64::max) {
+                Some(value) => format!(
                     "{stage}: best design {} {unit}{robust}, as predicted by the search, not verified",
                     mm(value)
-                )),
-                None => Headline::good(format!("{stage}: designs, not verified")),
+                ),
+                None => format!("{stage}: designs, not verified"),
+            };
+            let (roles, statuses) = (
+                source.of(view.rows().role().read())?,
+                source.of(view.rows().status().read())?.0,
+            );
+            let found = roles.iter().zip(&statuses).filter(|(role, _)| role.is_found());
+            let unmet: Vec<&str> = found
+                .map(|(_, status)| status.as_str())
+                .filter(|status| *status != "met")
+                .collect();
+            Ok(match &unmet[..] {
+                [] => Headline::good(text),
+                [status] => Headline::bad(format!("{text} ({status})")),
+                several => Headline::bad(format!("{text}; {} designs violate constraints", several.len())),
             })
         })
     }

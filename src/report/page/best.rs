@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::cards::{FOLDER, deformed, pattern, simulated};
 use crate::designs::{Design, Role};
 use crate::drawing::{DeformedMembrane, exaggeration};
-use crate::format::{change, mm, percents};
+use crate::format::{change, mm, percents, three};
 use deaflow_base::no_break_units;
 
 /// Draws the best design of a pipeline; `None` without a design of a search.
@@ -58,10 +58,13 @@ pub fn best(designs: &[Design]) -> Option<Markup> {
 
 /// Says how far the design moves, and at which voltage.
 fn sentence(design: &Design) -> String {
-    let value = simulated(design).unwrap_or_else(|| match design.predicted_mm {
-        Some(value) => format!("{} {} predicted", mm(value), design.objective.unit()),
-        None => "no value".to_owned(),
-    });
+    let unit = design.objective.unit();
+    let value = match (design.simulated_mm, design.predicted_mm, simulated(design)) {
+        (Some(value), ..) => format!("{} {unit}", mm(value)),
+        (None, _, Some(why)) => why,
+        (None, Some(value), None) => format!("{} {unit} predicted", mm(value)),
+        (None, None, None) => "no value".to_owned(),
+    };
     let volts = design.scene.drive.voltages.in_volts();
     let at = match (&volts[..], design.states.is_empty(), &design.scene.drive.charge) {
         ([one], true, None) => format!(" at {} kV", one / 1000.0),
@@ -95,8 +98,12 @@ fn facts(design: &Design, all: Option<&[Design]>) -> Vec<String> {
     }
     if design.simulated_mm.is_none() {
         facts.push("not verified by finite elements on two meshes".to_owned());
-    } else if design.error_mm.is_some() {
-        facts.push("±: error of the mesh; the error of the model is not included".to_owned());
+    } else if let Some(error) = design.error_mm {
+        facts.push(format!(
+            "± {} {} by the mesh; the error of the model is not included",
+            three(error),
+            design.objective.unit()
+        ));
     }
     if !matches!(design.status.as_str(), "" | "met") {
         facts.push(format!("not met: {}", design.status));

@@ -140,6 +140,7 @@ fn of_designs(found: &DesignStatistics) -> Vec<(String, String)> {
             if several { "targets" } else { "target" }
         ),
     )];
+    // What a single target gains is beside its best design.
     let ratio = |extreme: &Extreme, role: &str| {
         let least = match several {
             true => format!("; the lowest of all is {}", extreme.design),
@@ -151,7 +152,13 @@ fn of_designs(found: &DesignStatistics) -> Vec<(String, String)> {
         );
         (percents(extreme.value), what)
     };
-    tiles.extend(found.refined_to_optimum.iter().map(|e| ratio(e, "refined design")));
+    tiles.extend(
+        found
+            .refined_to_optimum
+            .iter()
+            .filter(|_| several)
+            .map(|e| ratio(e, "refined design")),
+    );
     tiles.extend(
         found
             .ga_to_optimum
@@ -167,8 +174,20 @@ fn of_designs(found: &DesignStatistics) -> Vec<(String, String)> {
         let what = format!("gain of the best design over the intuitive one {area}{median}");
         (change(*gain), what)
     };
-    tiles.extend(found.gain_own_area.iter().map(|gain| gained(gain, "at its own area")));
-    tiles.extend(found.gain_equal_area.iter().map(|gain| gained(gain, "at equal area")));
+    tiles.extend(
+        found
+            .gain_own_area
+            .iter()
+            .filter(|_| several)
+            .map(|gain| gained(gain, "at its own area")),
+    );
+    tiles.extend(
+        found
+            .gain_equal_area
+            .iter()
+            .filter(|_| several)
+            .map(|gain| gained(gain, "at equal area")),
+    );
     if found.not_met > 0 {
         let what = match found.not_met {
             1 => "design violates its constraints",
