@@ -4,14 +4,15 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use clap::builder::{PathBufValueParser, TypedValueParser};
+use clap::builder::{PathBufValueParser, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 
 use super::progress::ProgressMode;
 use super::{CliError, project};
 use deaflow_base::{Dimension, InputError, NodeValue, Override, Quantity, Time, read_bounded};
+use deaflow_design::DesignFilter;
 use deaflow_fem::WorkLimit;
-use deaflow_pattern::{DrawingOptions, DrawingUnit, Edges, PatternForm};
+use deaflow_pattern::{DrawingOptions, DrawingUnit, Edges, PatternForm, Role};
 use deaflow_scene::Scene;
 use deaflow_stage::direct::{self, NamedPatterns};
 use deaflow_store::Store;
@@ -76,6 +77,62 @@ impl StoreArguments {
             .clone()
             .or_else(|| set().map(PathBuf::from))
             .unwrap_or_else(|| project::store(pipeline))
+    }
+}
+
+/// The heading of options that select one of several designs.
+const WHICH: &str = "Which design";
+
+/// Selects one of several designs.
+#[derive(Clone, Debug, Args)]
+pub struct DesignArguments {
+    /// The target of the design [default: the only one]
+    #[arg(long, value_name = "NAME", help_heading = WHICH)]
+    design: Option<String>,
+    /// The case of the target
+    #[arg(long, value_name = "TEXT", help_heading = WHICH)]
+    case: Option<String>,
+    /// The role of the design [default: the first of these that exists]
+    #[arg(long, value_parser = PossibleValuesParser::new(Role::ALL.map(Role::name)), help_heading = WHICH)]
+    role: Option<String>,
+    /// The number of the design among those of the target, from 1 as in runs and reports [default: the best by
+    /// simulation,
+    /// or the first]
+    #[arg(long, value_name = "N", value_parser = integer::<u64>(1..=u64::MAX), help_heading = WHICH)]
+    member: Option<u64>,
+    /// The number of units along a side of the design
+    #[arg(long, value_name = "N", help_heading = WHICH)]
+    units: Option<u64>,
+}
+
+impl DesignArguments {
+    /// The names of the arguments.
+    pub const NAMES: [&'static str; 5] = ["design", "case", "role", "member", "units"];
+
+    /// Returns the filter.
+    pub fn filter(&self) -> DesignFilter<'_> {
+        DesignFilter {
+            name: self.design.as_deref(),
+            case: self.case.as_deref(),
+            role: self.role.as_deref(),
+            member: self.member.map(|number| number - 1),
+            units: self.units,
+        }
+    }
+
+    /// Returns the first argument that is given.
+    pub fn given(&self) -> Option<&'static str> {
+        let given = [
+            self.design.is_some(),
+            self.case.is_some(),
+            self.role.is_some(),
+            self.member.is_some(),
+            self.units.is_some(),
+        ];
+        given
+            .iter()
+            .zip(Self::NAMES)
+            .find_map(|(given, name)| given.then_some(name))
     }
 }
 

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use clap::builder::PossibleValuesParser;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -11,23 +10,19 @@ use serde_json::{Value, json};
 use super::format_of;
 use super::membrane;
 use crate::arguments::{
-    DrawingArguments, StateArguments, StoreArguments, TOLERANCE, has_hdf5_extension, integer, number,
+    DesignArguments, DrawingArguments, StateArguments, StoreArguments, TOLERANCE, has_hdf5_extension, integer, number,
 };
 use crate::job::extend;
 use crate::pipeline::read_scene;
 use crate::{CliError, Exit, Output, locate, write};
 use deaflow_base::four_digits;
-use deaflow_design::DesignFilter;
 use deaflow_fem::SolveOptions;
 use deaflow_field::Mesh;
-use deaflow_pattern::{Role, has_patterns};
+use deaflow_pattern::has_patterns;
 use deaflow_report::export::{self, MOST_PIXELS, Surface, mask_drawing};
 use deaflow_scene::{Mask, Size, Voltages};
 use deaflow_stage::designs::{self, Design, Designs};
 use deaflow_store::Artifact;
-
-/// The heading of options that select one of several designs.
-const WHICH: &str = "Which design";
 
 /// The heading of options about masks.
 const MASK: &str = "Masks";
@@ -50,36 +45,10 @@ pub struct ExportDesignArguments {
     /// The format [default: from the file extension]
     #[arg(long, value_enum)]
     pub format: Option<DesignFormat>,
-    /// The target of the design [default: the only one]
-    #[arg(long, value_name = "NAME", conflicts_with = "scene", help_heading = WHICH)]
-    pub design: Option<String>,
-    /// The case of the target
-    #[arg(long, value_name = "TEXT", conflicts_with = "scene", help_heading = WHICH)]
-    pub case: Option<String>,
-    /// The role of the design [default: the first of these that exists]
-    #[arg(
-        long,
-        value_parser = PossibleValuesParser::new(Role::ALL.map(Role::name)),
-        conflicts_with = "scene",
-        help_heading = WHICH
-    )]
-    pub role: Option<String>,
-    /// The number of the design among those of the target, from 1 as in runs and reports [default: the best by
-    /// simulation,
-    /// or the first]
-    #[arg(
-        long,
-        value_name = "N",
-        value_parser = integer::<u64>(1..=u64::MAX),
-        conflicts_with = "scene",
-        help_heading = WHICH
-    )]
-    pub member: Option<u64>,
-    /// The number of units along a side of the design
-    #[arg(long, value_name = "N", conflicts_with = "scene", help_heading = WHICH)]
-    pub units: Option<u64>,
+    #[command(flatten)]
+    pub which: DesignArguments,
     /// The scene of a pattern: a YAML file of a scene, or of a pipeline that has one
-    #[arg(long, value_name = "SCENE")]
+    #[arg(long, value_name = "SCENE", conflicts_with_all = DesignArguments::NAMES)]
     pub scene: Option<PathBuf>,
     #[command(flatten)]
     pub drawings: DrawingArguments,
@@ -265,18 +234,11 @@ fn design(arguments: &ExportDesignArguments, output: &Output) -> Result<Design, 
             source,
         )?,
     };
-    let filter = DesignFilter {
-        name: arguments.design.as_deref(),
-        case: arguments.case.as_deref(),
-        role: arguments.role.as_deref(),
-        member: arguments.member.map(|number| number - 1),
-        units: arguments.units,
-    };
     let designs = Designs::read(&artifact)?.ok_or_else(|| {
         CliError::bad_input(format!("artifact {} contains no designs", artifact.digest().short()))
             .help("name a stage of kind design or verify; a pattern needs --scene")
     })?;
-    Ok(designs.choose(&filter)?)
+    Ok(designs.choose(&arguments.which.filter())?)
 }
 
 /// Returns the design, or one group of its electrodes.
