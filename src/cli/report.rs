@@ -1,11 +1,14 @@
-//! `deaflow report`: a page with the results of a pipeline, and its designs as files.
+//! `deaflow report`: a page with the results of a pipeline, its designs as files, and the fabrication sheet of one.
+
+mod sheet;
 
 use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::json;
 
-use super::arguments::{SetArguments, StoreArguments, pipeline_parser};
+use super::arguments::{DesignArguments, SetArguments, StoreArguments, pipeline_parser};
+use super::job::extend;
 use super::locate;
 use super::neglected::neglected_effects;
 use super::progress::ProgressMode;
@@ -15,14 +18,23 @@ use deaflow_report::{PipelineHistory, RunArtifacts, StageArtifact, StageRecord, 
 
 /// Write a report of a pipeline: a page with all designs, and the designs as files
 #[derive(Debug, Args)]
-#[command(after_help = examples!("deaflow report pipeline.yaml -o report"))]
+#[command(after_help = examples!(
+    "deaflow report pipeline.yaml -o report",
+    "deaflow report pipeline.yaml --sheet sheet.html --design centre",
+))]
 pub struct ReportArguments {
     /// The pipeline: a YAML file, or a folder with exactly one [default: the current folder]
     #[arg(default_value = ".", hide_default_value = true, value_parser = pipeline_parser())]
     pub pipeline: PathBuf,
     /// Folder for index.html, data/designs.csv, data/patterns/*.csv and data/masks/*.dxf
-    #[arg(short, long, value_name = "DIR")]
-    pub output: PathBuf,
+    #[arg(short, long, value_name = "DIR", required_unless_present = "sheet")]
+    pub output: Option<PathBuf>,
+    /// A fabrication sheet of the best design: a page of A4 with the mask at scale 1:1, what to expect, and a table for
+    /// measurements
+    #[arg(long, value_name = "FILE.html")]
+    pub sheet: Option<PathBuf>,
+    #[command(flatten)]
+    pub which: DesignArguments,
     #[command(flatten)]
     pub store: StoreArguments,
     /// Report only this stage and the stages that it needs [default: all stages]
@@ -39,6 +51,10 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
     let pipeline = pipeline::load_with(&arguments.pipeline, &arguments.set)?;
     pipeline.bare_numbers.iter().for_each(|note| output.warn(note));
     pipeline.selection(arguments.until.as_deref())?;
+    if let (None, Some(option)) = (&arguments.sheet, arguments.which.given()) {
+        return Err(CliError::bad_input(format!("--{option} selects the design of --sheet"))
+            .help("add --sheet FILE.html; the page of -o has all designs"));
+    }
     let store = locate::existing_store(&arguments.store.folder_of(&arguments.pipeline))?;
     let stages = plan(&pipeline, &store, arguments.until.as_deref(), &Environment::system())?;
     let mut history = PipelineHistory::of(&pipeline, &stages, &store)?;
@@ -50,30 +66,56 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
         stages: &made,
         rounds: &pipeline.rounds,
     };
-    history
-        .model_warnings
-        .extend(neglected_effects(&pipeline, &artifacts, ProgressMode::Bars)?.lines);
     check(&history, arguments)?;
-    // Checked before the report is made.
-    write::folder(&arguments.output)?;
-    let written = write_report(&store, &history, &arguments.output)?;
+    // The design is selected, and all files are checked, before one is written.
+    let sheet = arguments.sheet.as_deref();
+    let sheet = sheet.map(|file| sheet::PreparedSheet::make(file, arguments, &pipeline, &artifacts, &history));
+    let sheet = sheet.transpose()?;
+    if let Some(folder) = &arguments.output {
+        let neglected = neglected_effects(&pipeline, &artifacts, ProgressMode::Bars)?;
+        history.model_warnings.extend(neglected.lines);
+        write::folder(folder)?;
+    }
+    if let Some(file) = &arguments.sheet {
+        write::check_output(file, &[history.path.clone()])?;
+    }
+    let folder = arguments.output.as_deref();
+    let report = folder
+        .map(|folder| write_report(&store, &history, folder))
+        .transpose()?;
+    sheet.iter().try_for_each(sheet::PreparedSheet::write)?;
     let missing: Vec<&str> = history.missing().iter().map(|stage| stage.name.as_str()).collect();
     if !missing.is_empty() && !output.is_json() {
         output.warn(format_args!("not built and not in the report: {}", missing.join(", ")));
     }
     let document = || {
-        json!({
+        let mut document = json!({
             "pipeline": history.pipeline,
             "store": store.root(),
-            "page": written.page,
-            "designs": written.designs,
-            "patterns": written.patterns,
-            "masks": written.masks,
             "not_built": missing,
-            "found": written.found,
-        })
+        });
+        if let Some(written) = &report {
+            let files = json!({
+                "page": written.page,
+                "designs": written.designs,
+                "patterns": written.patterns,
+                "masks": written.masks,
+                "found": written.found,
+            });
+            extend(&mut document, files);
+        }
+        if let Some(sheet) = &sheet {
+            extend(&mut document, sheet.document());
+        }
+        document
     };
-    output.result(document, || written.text())
+    let texts = || {
+        report
+            .iter()
+            .map(|written| written.text())
+            .chain(sheet.iter().map(|sheet| sheet.text()))
+    };
+    output.result(document, || texts().collect::<Vec<_>>().join("\n"))
 }
 
 fn made_by(stage: &StageRecord) -> Option<StageArtifact> {

@@ -267,7 +267,7 @@ impl Page {
 }
 
 /// Formats a text: words between backticks are code, and numbers stay with their units.
-fn prose(text: &str) -> Markup {
+pub(crate) fn prose(text: &str) -> Markup {
     let parts: Vec<&str> = text.split('`').collect();
     // A single backtick was written by a user.
     if parts.len().is_multiple_of(2) {

@@ -10,6 +10,7 @@ mod error;
 mod evaluation;
 mod evaluators;
 pub mod export;
+mod fabrication;
 mod figure_files;
 pub mod figures;
 mod format;
@@ -35,7 +36,9 @@ mod write_report;
 
 pub use artifacts::{ArtifactReader, RunArtifacts, StageArtifact};
 pub use background_figures::BackgroundFigures;
+pub use designs::{Design, designs};
 pub use error::ReportError;
+pub use fabrication::FabricationSheet;
 pub use figure_files::{FigureFile, figures_of, remove_figures};
 pub use format::{bytes, file_name, mm_measured, number, seconds, shell_word, three};
 pub use headline::headlines;

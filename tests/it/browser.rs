@@ -130,6 +130,19 @@ impl Browser {
         assert!(image.exists(), "{told}");
     }
 
+    /// How many pages it prints.
+    pub fn pages(&self, page: &Path) -> usize {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("printed.pdf");
+        let print = format!("--print-to-pdf={}", file.display());
+        let (_, told) = self.open(page, 800, 1100, &[&print, "--no-pdf-header-footer"]);
+        let printed = std::fs::read(&file).unwrap_or_else(|error| panic!("{error}: {told}"));
+        let text = String::from_utf8_lossy(&printed);
+        // Chromium writes the objects of pages uncompressed.
+        let pages = text.split("/Type /Page").skip(1);
+        pages.filter(|rest| !rest.starts_with('s')).count()
+    }
+
     /// What it writes to stdout and stderr.
     fn open(&self, page: &Path, width: u32, height: u32, arguments: &[&str]) -> (String, String) {
         let profile = tempfile::tempdir().unwrap();

@@ -78,6 +78,11 @@ fn the_page_on_fronts_is_true() {
 }
 
 #[test]
+fn the_page_on_reports_is_true() {
+    run("docs/report.md");
+}
+
+#[test]
 fn the_page_on_fitting_is_true() {
     run("docs/fit.md");
 }

@@ -19,6 +19,7 @@ mod docs;
 mod drawings;
 mod evaluate;
 mod export;
+mod fabrication;
 mod figure;
 mod fit;
 mod foreign;

@@ -111,8 +111,10 @@ pub(crate) mod tests {
     use std::sync::Arc;
 
     use super::*;
+    use crate::artifacts::StageArtifact;
     use crate::designs::{Objective, role_word};
     use crate::drawing::Background;
+    use deaflow_base::ArtifactId;
     use deaflow_pattern::{Membrane, Pattern, Raster};
     use deaflow_scene::Scene;
 
@@ -120,6 +122,11 @@ pub(crate) mod tests {
     pub(crate) fn design(role: Role, units: u64, simulated_mm: Option<f64>) -> Design {
         Design {
             name: format!("I-centre-{}", role_word(role)),
+            made: StageArtifact {
+                stage: "verified".into(),
+                kind: "verify".into(),
+                digest: ArtifactId::of(b"verified"),
+            },
             case: "I".into(),
             target: "centre".into(),
             role,

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::compare::gain;
 use super::objective::{Objective, TargetPoint};
+use crate::artifacts::StageArtifact;
 use crate::drawing::{Background, DeformedMembrane};
 use crate::format::mm;
 use crate::intervals::NetworkInterval;
@@ -22,6 +23,8 @@ pub const SAME_AREA: f64 = 1e-3;
 pub struct Design {
     /// A unique name, valid as a file name.
     pub name: String,
+    /// The stage that it is read from: the one that verified it, or else its search.
+    pub made: StageArtifact,
     /// The case of the target; empty if the pipeline names none.
     pub case: String,
     /// The name of the target.

@@ -141,6 +141,7 @@ fn read(
         let prediction = predictions[k].filter(|_| rows.status.0[k] != NO_FIELD);
         Ok(Design {
             name: String::new(),
+            made: source.stage.clone(),
             case: rows.case[k].clone(),
             target: rows.name[k].clone(),
             role: rows.role[k],

@@ -16,7 +16,7 @@ pub use dxf::dxf;
 pub use gerber::gerber;
 pub use mask::{mask_drawing, one_or_both, side_or_sides};
 pub use png::{MOST_PIXELS, png};
-pub use svg::svg;
+pub use svg::{svg, svg_elements};
 pub use vtkhdf::{Surface, write_vtkhdf};
 
 /// A point in mm, the origin at the lower left corner of the membrane, y upwards.

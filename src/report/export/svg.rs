@@ -12,11 +12,6 @@ const COLOURS: [&str; 6] = ["#000000", "#c44e52", "#4c72b0", "#55a868", "#8172b2
 #[must_use]
 pub fn svg(drawing: &Drawing) -> Vec<u8> {
     let [width, height] = drawing.size.map(number);
-    let path = |shapes: &[Shape]| -> String {
-        let paths: Vec<String> = rings(shapes).map(|ring| subpath(ring, drawing.size[1])).collect();
-        paths.join(" ")
-    };
-    let line = number(drawing.size[0].max(drawing.size[1]) / 500.0);
     let mut text = String::from("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n");
     let _ = write!(
         text,
@@ -32,6 +27,21 @@ pub fn svg(drawing: &Drawing) -> Vec<u8> {
         escaped(&drawing.source),
         escaped(&drawing.program),
     );
+    text += &svg_elements(drawing);
+    text.push_str("</svg>\n");
+    text.into_bytes()
+}
+
+/// Writes the elements of [`svg`], without the document around them.
+#[must_use]
+pub fn svg_elements(drawing: &Drawing) -> String {
+    let [width, height] = drawing.size.map(number);
+    let path = |shapes: &[Shape]| -> String {
+        let paths: Vec<String> = rings(shapes).map(|ring| subpath(ring, drawing.size[1])).collect();
+        paths.join(" ")
+    };
+    let line = number(drawing.size[0].max(drawing.size[1]) / 500.0);
+    let mut text = String::new();
     for (layer, colour) in drawing.layers.iter().zip(COLOURS.iter().cycle()) {
         let _ = writeln!(
             text,
@@ -54,8 +64,7 @@ pub fn svg(drawing: &Drawing) -> Vec<u8> {
             );
         }
     }
-    text.push_str("</svg>\n");
-    text.into_bytes()
+    text
 }
 
 /// Returns a ring; in SVG, y points down.

@@ -5,10 +5,11 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::artifacts::{ArtifactReader, RunArtifacts};
+use crate::designs::Design;
 use crate::drawing::Sheet;
 use crate::error::ReportError;
 use crate::figures::{DesignYields, reached_chart, yields_sheet};
-use crate::format::{mm, percents};
+use crate::format::{mm, number, percents};
 use crate::html::{Column, Page};
 use crate::presenter::{Figures, Headline, Presenter, Results};
 use crate::summary::design_title;
@@ -21,6 +22,8 @@ pub struct YieldPresenter;
 
 /// Designs in a figure.
 const MOST_DRAWN: usize = 6;
+/// The quantile for a person who makes the devices.
+const LOW: f64 = 0.05;
 /// Shares of the variance below this are not listed.
 const LISTED: f64 = 0.005;
 
@@ -77,6 +80,11 @@ struct OfDesign {
 }
 
 fn read(source: &ArtifactReader<'_>) -> Result<Found, ReportError> {
+    read_where(source, |_| true)
+}
+
+/// Reads the designs that `is_read` selects.
+fn read_where(source: &ArtifactReader<'_>, is_read: impl Fn(&DesignDevices) -> bool) -> Result<Found, ReportError> {
     let view = source.of(Yields::open(source.artifact))?;
     let varying = Source::varying(&source.of(view.tolerances().read())?);
     let wanted_mm = source.of(view.wanted().read())?;
@@ -89,12 +97,36 @@ fn read(source: &ArtifactReader<'_>) -> Result<Found, ReportError> {
             &Yield::of(&devices, &varying, wanted_mm),
         ))
     };
-    let designs = source.of(view.designs())?.into_iter().map(of_one);
+    let designs = source.of(view.designs())?.into_iter().filter(is_read).map(of_one);
     Ok(Found {
         stage: source.stage.stage.clone(),
         wanted_mm,
         designs: designs.collect::<Result<_, ReportError>>()?,
     })
+}
+
+/// Describes the devices of a design that the yield stages of a run simulated, a line for each stage.
+///
+/// # Errors
+/// If an artifact cannot be read or does not have the content of its kind.
+pub(crate) fn devices_of(run: &RunArtifacts<'_>, design: &Design) -> Result<Vec<String>, ReportError> {
+    let is_it = |one: &DesignDevices| {
+        let words = (&one.case, &one.name) == (&design.case, &design.target);
+        let numbers = (one.role, one.member, one.units) == (design.role, design.member, design.units);
+        words && numbers && one.pattern == design.pattern
+    };
+    let found = run.each("yield", |source| read_where(source, is_it))?;
+    let line = |found: &Found, design: &OfDesign| {
+        let mut parts = vec![design.spread()];
+        parts.extend(design.quantile(LOW));
+        parts.extend(found.wanted_mm.map(|_| design.main(found.wanted_mm)));
+        parts.extend(design.described.iter().cloned());
+        format!("{}, {} devices: {}", found.stage, design.samples, parts.join("; "))
+    };
+    let lines = found
+        .iter()
+        .flat_map(|found| found.designs.iter().map(move |one| line(found, one)));
+    Ok(lines.collect())
 }
 
 impl OfDesign {
@@ -152,6 +184,24 @@ impl OfDesign {
             known(&self.mean_mm),
             known(&self.standard_deviation_mm)
         )
+    }
+
+    /// Describes the displacement that a share of the devices does not reach; `None` if it is not computed.
+    fn quantile(&self, probability: f64) -> Option<String> {
+        let found = self.quantiles_mm.iter().find(|one| one.probability == probability)?;
+        let known = |value: f64| {
+            if value.is_finite() {
+                mm(value)
+            } else {
+                "fails".to_owned()
+            }
+        };
+        let [low, high] = found.value.interval.map(known);
+        let value = known(found.value.value);
+        Some(format!(
+            "{} % quantile {value} ({low} to {high}) mm",
+            number(100.0 * probability)
+        ))
     }
 
     /// The tolerances that make most of the variance.

@@ -57,7 +57,7 @@ pub fn best(designs: &[Design]) -> Option<Markup> {
 }
 
 /// Says how far the design moves, and at which voltage.
-fn sentence(design: &Design) -> String {
+pub(crate) fn sentence(design: &Design) -> String {
     let unit = design.objective.unit();
     let value = match (design.simulated_mm, design.predicted_mm, simulated(design)) {
         (Some(value), ..) => format!("{} {unit}", mm(value)),
@@ -75,7 +75,7 @@ fn sentence(design: &Design) -> String {
 
 /// What the design is for, what it gains, and how sure it is. `all` are the designs of all targets, if there are
 /// several.
-fn facts(design: &Design, all: Option<&[Design]>) -> Vec<String> {
+pub(crate) fn facts(design: &Design, all: Option<&[Design]>) -> Vec<String> {
     let mut facts = Vec::new();
     let quantity = design.objective.quantity();
     let of = format!("{quantity} of {}", design.objective.description());

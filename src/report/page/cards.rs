@@ -13,7 +13,7 @@ use deaflow_pattern::CELLS;
 pub const FOLDER: &str = "data/";
 
 /// Length of the arrow of a target direction, in thousandths of the side of the membrane.
-const ARROW: f64 = 110.0;
+pub(crate) const ARROW: f64 = 110.0;
 
 /// Draws what all drawings of membranes share: the grid at rest.
 pub fn shared() -> Markup {
@@ -214,6 +214,21 @@ pub(super) fn simulated(design: &Design) -> Option<String> {
 
 /// Returns the remarks on a design, with their classes.
 fn remarks(design: &Design) -> Vec<(&'static str, String)> {
+    let mut remarks = simulation_remarks(design);
+    match design.status.as_str() {
+        "" => {}
+        "met" if design.role.is_found() => remarks.push(("good", "Constraints met".to_owned())),
+        "met" => {}
+        "no stable field" => remarks.push(("warning", "The evaluator finds no stable field".to_owned())),
+        // The other patterns were not required to meet constraints.
+        status if design.role.is_found() => remarks.push(("warning", format!("Not met: {status}"))),
+        status => remarks.push(("note", format!("Would not meet: {status}"))),
+    }
+    remarks
+}
+
+/// Returns the remarks on the simulation and the prediction of a design, with their classes.
+pub(crate) fn simulation_remarks(design: &Design) -> Vec<(&'static str, String)> {
     let mut remarks = Vec::new();
     match (design.simulated_mm, design.outcome) {
         (None, Some(outcome)) => remarks.push(("warning", format!("Simulation ended: {outcome}"))),
@@ -227,15 +242,6 @@ fn remarks(design: &Design) -> Vec<(&'static str, String)> {
             interval.novelty
         );
         remarks.push(("warning", novelty));
-    }
-    match design.status.as_str() {
-        "" => {}
-        "met" if design.role.is_found() => remarks.push(("good", "Constraints met".to_owned())),
-        "met" => {}
-        "no stable field" => remarks.push(("warning", "The evaluator finds no stable field".to_owned())),
-        // The other patterns were not required to meet constraints.
-        status if design.role.is_found() => remarks.push(("warning", format!("Not met: {status}"))),
-        status => remarks.push(("note", format!("Would not meet: {status}"))),
     }
     remarks
 }

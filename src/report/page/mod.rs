@@ -1,12 +1,12 @@
 //! The report of a pipeline as one page: the results at the top, then their basis.
 
-mod best;
-mod cards;
+pub(super) mod best;
+pub(super) mod cards;
 mod costs;
 mod dag;
 mod designs;
 mod layout;
-mod scene;
+pub(super) mod scene;
 mod warnings;
 
 use super::artifacts::RunArtifacts;
@@ -53,19 +53,29 @@ fn mask_command(history: &PipelineHistory, designs: &[Design]) -> String {
         .or_else(|| of("design"))
         .map_or("STAGE", |stage| &stage.name);
     let first = designs.iter().find(|design| design.role.is_found());
-    let options = first.map_or_else(String::new, |design| {
-        let case = match design.case.as_str() {
-            "" => String::new(),
-            case => format!(" --case {}", shell_word(case)),
-        };
-        format!(
-            "{case} --design {} --role {}",
-            shell_word(&design.target),
-            design.role.name()
-        )
-    });
-    let source = shell_word(&format!("{}:{stage}", history.path));
-    format!("deaflow export design {source}{options} -o mask.dxf")
+    let options = first.map_or_else(String::new, design_options);
+    format!(
+        "deaflow export design {}{options} -o mask.dxf",
+        source_of(history, stage)
+    )
+}
+
+/// Returns a stage of a pipeline as commands name it.
+pub(super) fn source_of(history: &PipelineHistory, stage: &str) -> String {
+    shell_word(&format!("{}:{stage}", history.path))
+}
+
+/// Returns the options of commands that select the target and the role of a design, each after a space.
+pub(super) fn design_options(design: &Design) -> String {
+    let case = match design.case.as_str() {
+        "" => String::new(),
+        case => format!(" --case {}", shell_word(case)),
+    };
+    format!(
+        "{case} --design {} --role {}",
+        shell_word(&design.target),
+        design.role.name()
+    )
 }
 
 /// The beginning of the introduction of a page, before the name of the pipeline and a colon.

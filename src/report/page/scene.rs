@@ -54,7 +54,7 @@ pub fn section(
         page.columns(
             "The scene",
             &[("", Column::Key), ("", Column::Wide)],
-            &rows(simulated, written),
+            &scene_rows(&simulated.scene, &simulated.effects, written),
         );
     }
     page.line(match warned.is_empty() {
@@ -76,11 +76,11 @@ fn simulated(
     })
 }
 
-/// Lists the parts of a scene: as in the pipeline, or else in canonical form.
-fn rows(simulated: &SimulatedScene, written: &[(String, String)]) -> Vec<Vec<String>> {
+/// Lists the parts of a scene, as in the pipeline or else in canonical form, and the simulated effects.
+pub(crate) fn scene_rows(scene: &Scene, effects: &str, written: &[(String, String)]) -> Vec<Vec<String>> {
     let row = |name: &str, value: &str| vec![name.to_owned(), value.to_owned()];
     let parts = match written {
-        [] => canonical_parts(&simulated.scene),
+        [] => canonical_parts(scene),
         written => written.to_vec(),
     };
     let mut rows: Vec<Vec<String>> = parts
@@ -88,12 +88,12 @@ fn rows(simulated: &SimulatedScene, written: &[(String, String)]) -> Vec<Vec<Str
         .filter(|(name, _)| name != "effects")
         .map(|(name, text)| row(name, text))
         .collect();
-    let none = matches!(simulated.effects.trim(), "" | "{}");
+    let none = matches!(effects.trim(), "" | "{}");
     rows.push(row(
         "effects simulated",
         match none {
             true => "none",
-            false => &simulated.effects,
+            false => effects,
         },
     ));
     rows
@@ -117,12 +117,8 @@ mod tests {
 
     #[test]
     fn a_scene_is_listed_part_by_part() {
-        let simulated = SimulatedScene {
-            scene: Scene::vhb4910(),
-            effects: "{}".into(),
-            stages: Vec::new(),
-        };
-        let parts = rows(&simulated, &[]);
+        let scene = Scene::vhb4910();
+        let parts = scene_rows(&scene, "{}", &[]);
         let names: Vec<&str> = parts.iter().map(|row| row[0].as_str()).collect();
         assert_eq!(names[..3], ["drive", "geometry", "material"]);
         assert!(
@@ -132,7 +128,7 @@ mod tests {
         assert_eq!(parts[parts.len() - 1], ["effects simulated", "none"]);
 
         let written = [("drive", "voltage: 5.25 kV"), ("effects", "")].map(|(a, b)| (a.to_owned(), b.to_owned()));
-        let parts = rows(&simulated, &written);
+        let parts = scene_rows(&scene, "{}", &written);
         assert_eq!(parts[0], ["drive", "voltage: 5.25 kV"]);
         assert_eq!(parts.len(), 2);
     }
