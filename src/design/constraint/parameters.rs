@@ -53,7 +53,7 @@ parameters! {
 /// Regions with electrodes: one of group 1, or several of a group.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum KeepIn {
-    Shape(Shape),
+    Shape(Box<Shape>),
     Group(GroupShapes),
 }
 
@@ -253,7 +253,7 @@ impl Parameter for KeepIn {
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
         match node.peek("group") {
             Some(_) => GroupShapes::read_with(node, &[]).map(Self::Group),
-            None => Shape::read(node, key, &()).map(Self::Shape),
+            None => Shape::read(node, key, &()).map(|shape| Self::Shape(Box::new(shape))),
         }
     }
 
