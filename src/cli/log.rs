@@ -347,10 +347,10 @@ fn results(run: &Run) -> String {
         let all = run.results.range(prefix.clone()..);
         let own = all.take_while(|(name, _)| name.starts_with(&prefix));
         let mut own: Vec<(&str, f64)> = own.map(|(name, value)| (&name[prefix.len()..], *value)).collect();
-        // In the order of their importance.
+        // Displacements and forces before counts and shares, then in the order of their importance.
         let words = result_words(&stage.kind);
         let rank = |name: &str| words.iter().position(|word| name.split('.').next() == Some(word));
-        own.sort_by_key(|(name, _)| rank(name).unwrap_or(words.len()));
+        own.sort_by_key(|(name, _)| (result_unit(name) == "1", rank(name).unwrap_or(words.len())));
         let line = |(name, value): (&str, f64)| format!("{prefix}{name} {}", with_unit(name, value));
         own.into_iter().map(line).collect::<Vec<_>>()
     };

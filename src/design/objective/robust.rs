@@ -73,7 +73,7 @@ fn one_of_two(fields: Fields) -> Fields {
         .rule(json!({ "if": deviations, "then": has("mean_minus") }))
 }
 
-/// The masks of a [`Robust`] objective, and how their values make one.
+/// The masks of a `robust` objective, and how their values make one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Masks {
     /// The mask as drawn, then those that differ.
