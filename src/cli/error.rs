@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::Exit;
 use super::text::lines;
 use super::tone::{Screen, Tone};
-use deaflow_base::{InputError, OutputError, is_unprintable, printable};
+use deaflow_base::{InputError, OutputError, is_interrupted, is_unprintable, printable};
 use deaflow_executor::SubmitError;
 use deaflow_fem::SetupError;
 use deaflow_field::PredictError;
@@ -69,6 +69,17 @@ impl CliError {
     /// An error of invalid input.
     pub fn bad_input(message: impl Into<String>) -> Self {
         Self::new(Exit::BadInput, message)
+    }
+
+    /// Ends work after an interrupt.
+    ///
+    /// # Errors
+    /// After an interrupt.
+    pub fn if_interrupted() -> Result<(), Self> {
+        match is_interrupted() {
+            true => Err(Self::stopped("interrupted")),
+            false => Ok(()),
+        }
     }
 
     /// The error of work that was stopped.

@@ -243,8 +243,7 @@ impl CompleteBuild<'_> {
             rounds: &pipeline.rounds,
         };
         let neglected = neglected_effects(pipeline, &artifacts, build.verbosity.progress.mode())?;
-        let of_samples = neglected.lines[neglected.lines.len() - neglected.of_samples..].to_vec();
-        let results = RunResults::cached(&artifacts, &pipeline.name, neglected.lines, &observing(pipeline))?;
+        let results = RunResults::cached(&artifacts, &pipeline.name, neglected.all(), &observing(pipeline))?;
         for text in results.warnings().cloned() {
             log.write(&Event::Warning { text });
         }
@@ -261,7 +260,7 @@ impl CompleteBuild<'_> {
         } else if build.verbosity.progress.quiet {
             results.warning_lines().for_each(|line| output.note(&line));
         } else {
-            let mut text = build.results_text(&outcome, &results, &of_samples);
+            let mut text = build.results_text(&outcome, &results, &neglected.of_samples);
             if !elsewhere.is_empty() {
                 text.line(build.elsewhere_line(&elsewhere, access.remote()));
             }

@@ -169,7 +169,7 @@ fn of_last_run(store: &Store, name: &str) -> Result<Option<ArtifactId>, CliError
 fn of_digits(store: &Store, digits: &str) -> Result<ArtifactId, CliError> {
     let hexadecimal = !digits.is_empty() && digits.chars().all(|c| c.is_ascii_hexdigit());
     if !hexadecimal {
-        return Err(unknown(store, digits)?);
+        return Err(unknown(store, digits, false)?);
     }
     if digits.len() < MIN_DIGITS {
         return Err(CliError::bad_input(format!("{digits:?} is too short for a digest"))
@@ -177,7 +177,7 @@ fn of_digits(store: &Store, digits: &str) -> Result<ArtifactId, CliError> {
     }
     match store.find(&digits.to_ascii_lowercase())?.as_slice() {
         [one] => Ok(*one),
-        [] => Err(find_removed(store, &digits.to_ascii_lowercase())?.map_or_else(|| unknown(store, digits), Ok)?),
+        [] => Err(find_removed(store, &digits.to_ascii_lowercase())?.map_or_else(|| unknown(store, digits, true), Ok)?),
         several => {
             let list: Vec<String> = several.iter().map(ArtifactId::to_string).collect();
             Err(CliError::bad_input(format!("{} artifacts begin with {digits}", several.len())).help(list.join(", ")))
@@ -194,13 +194,13 @@ fn find_removed(store: &Store, digits: &str) -> Result<Option<CliError>, CliErro
     Ok(store.removal_of(&last.digest)?.map(|removed| removed_error(&removed)))
 }
 
-fn unknown(store: &Store, reference: &str) -> Result<CliError, CliError> {
+/// The error about a name of no stage, or the first digits of no artifact.
+fn unknown(store: &Store, reference: &str, is_digest: bool) -> Result<CliError, CliError> {
     // Audits have only the stages up to the audited one.
     let is_complete = |run: &Result<Run, StoreError>| !run.as_ref().is_ok_and(|run| run.command == Command::Audit);
     let last = store.runs()?.find(is_complete).transpose()?.unwrap_or_default();
     let names: Vec<&str> = last.stages.iter().map(|s| s.name.as_str()).collect();
     let root = store.root().display();
-    let is_digest = reference.len() >= MIN_DIGITS && reference.chars().all(|c| c.is_ascii_hexdigit());
     let error = CliError::bad_input(match is_digest {
         true => format!("no artifact in {root} has a digest that begins with {reference}"),
         false => format!("no run in {root} has a stage named {reference:?}, and it is no digest"),

@@ -14,12 +14,19 @@ use deaflow_orchestrator::{Pipeline, StageSpec};
 use deaflow_report::{RunArtifacts, StageArtifact, warned_patterns};
 use deaflow_scene::{Effects, Scene};
 
-/// The warnings about effects that the simulations of a pipeline neglect, those about designs first.
+/// The warnings about effects that the simulations of a pipeline neglect, a line each, after the names of the stages.
 pub struct Neglected {
-    /// The warnings, a line each, after the names of the stages.
-    pub lines: Vec<String>,
-    /// The number of the last ones that are about samples only, although the pipeline verifies designs.
-    pub of_samples: usize,
+    /// Those that matter.
+    pub main: Vec<String>,
+    /// Those about samples only, if the pipeline verifies designs.
+    pub of_samples: Vec<String>,
+}
+
+impl Neglected {
+    /// Returns all of them, those about samples last.
+    pub fn all(&self) -> Vec<String> {
+        [&self.main[..], &self.of_samples].concat()
+    }
 }
 
 /// Returns a warning for each significant effect that simulating stages neglect, after the names of those stages. It is
@@ -49,28 +56,27 @@ pub fn neglected_effects(
         }
     }
     drop(shown);
-    let is_of_designs = |(_, of): &(String, Vec<&StageArtifact>)| of.iter().any(|made| made.kind == VERIFY);
-    warnings.sort_by_key(|warning| !is_of_designs(warning));
     let verifies = stages.iter().any(|stage| stage.made.kind == VERIFY);
-    let of_samples = match verifies {
-        true => warnings.iter().filter(|warning| !is_of_designs(warning)).count(),
-        false => 0,
+    let mut found = Neglected {
+        main: Vec::new(),
+        of_samples: Vec::new(),
     };
-    let line = |(text, of): &(String, Vec<&StageArtifact>)| {
+    for (text, of) in warnings {
         let names: Vec<&str> = of.iter().map(|made| made.stage.as_str()).collect();
-        format!("{}: {text}", list(&names))
-    };
-    let mut lines: Vec<String> = warnings.iter().map(line).collect();
+        let line = format!("{}: {text}", list(&names));
+        match verifies && of.iter().all(|made| made.kind != VERIFY) {
+            true => found.of_samples.push(line),
+            false => found.main.push(line),
+        }
+    }
     if screened_stages < stages.len() {
-        let at = lines.len() - of_samples;
-        let text = format!(
+        found.main.push(format!(
             "only the first {screened_stages} of {} stages were screened for neglected effects; use `deaflow screen` \
              for others",
             stages.len()
-        );
-        lines.insert(at, text);
+        ));
     }
-    Ok(Neglected { lines, of_samples })
+    Ok(found)
 }
 
 /// Shows how many stages are screened, if that takes long, until the returned guard is dropped.

@@ -73,7 +73,7 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
     let sheet = sheet.transpose()?;
     if let Some(folder) = &arguments.output {
         let neglected = neglected_effects(&pipeline, &artifacts, ProgressMode::Bars)?;
-        history.model_warnings.extend(neglected.lines);
+        history.model_warnings.extend(neglected.all());
         write::folder(folder)?;
     }
     if let Some(file) = &arguments.sheet {

@@ -32,7 +32,7 @@ pub use front::{Cost, Front, FrontMethod, FrontObjective, FrontPoint, LeastArea,
 pub use genome::{Genome, UNITS};
 pub use intuitive::Intuitive;
 pub use local_search::{LocalOptimum, SearchProblem, SearchStep, StartError};
-pub use masks::WithMasks;
+pub use masks::Masked;
 pub use objective::{
     AREA_PENALTY, Aim, BodyMarkers, Criterion, Displacement, Distance, Goal, GoalError, MEASURES, Masks, Measure,
     Motion, Objective, PlacedAim, Qin2024, ResponseKind, RoughScore, Subject, value_unit,

@@ -3,96 +3,91 @@
 use std::ops::Deref;
 use std::sync::Arc;
 
-use crate::objective::{DRAWN, reach};
-use deaflow_field::{Differentiable, PredictError, Predictor, StateFields, WithGradient};
+use crate::objective::{DRAWN, Masks, reach};
+use deaflow_field::{Differentiable, Evaluator, Field, PredictError, Predictor, WithGradient};
 use deaflow_pattern::{Fabricated, MaskOffsets, Membrane, Parts, Pattern, fabricated};
 use deaflow_scene::Scene;
 use rayon::prelude::*;
 
-/// A model whose fields are those with each of several masks, one after the other: of all states with the first mask,
-/// then of all states with the next. A pattern has fields if it has some with every mask.
-pub struct WithMasks<M> {
+/// A model of a scene whose fields are those of patterns with a mask. A pattern has none if two groups touch with it.
+pub struct Masked<M> {
     model: M,
-    offsets: Vec<MaskOffsets>,
-    groups: u8,
+    offsets: MaskOffsets,
+    groups: usize,
     membrane: Membrane,
     parts: Option<Arc<Parts>>,
 }
 
-impl<M: Sync> WithMasks<M> {
-    /// Wraps a model of a scene, which predicts patterns whose cells are covered in part.
+impl Masks {
+    /// Returns the models of all states of a scene with each mask, one mask after the other. The models predict
+    /// patterns whose cells are covered in part.
     #[must_use]
-    pub fn new(model: M, offsets: Vec<MaskOffsets>, scene: &Scene) -> Self {
-        Self {
-            model,
+    pub fn over<M: Clone>(&self, states: &[M], scene: &Scene) -> Vec<Box<Masked<M>>> {
+        let parts = scene.parts();
+        let with = |offsets: MaskOffsets, model: &M| Masked {
+            model: model.clone(),
             offsets,
-            groups: scene.groups() as u8,
+            groups: scene.groups(),
             membrane: scene.membrane(),
-            parts: scene.parts(),
-        }
+            parts: parts.clone(),
+        };
+        let with = &with;
+        let each = self.offsets.iter();
+        each.flat_map(|offsets| states.iter().map(move |model| Box::new(with(*offsets, model))))
+            .collect()
     }
+}
 
+impl<M> Masked<M> {
     /// Returns a pattern as it is fabricated; `None` if two groups touch, or share a cell.
-    fn fabricated(&self, pattern: &Pattern, offsets: &MaskOffsets) -> Result<Option<Pattern>, PredictError> {
-        if *offsets == DRAWN {
+    fn fabricated(&self, pattern: &Pattern) -> Result<Option<Pattern>, PredictError> {
+        if self.offsets == DRAWN {
             return Ok(Some(pattern.clone()));
         }
         let none_lost = vec![false; pattern.raster().cells()];
-        match fabricated(pattern, self.parts.as_deref(), self.membrane, offsets, &none_lost) {
+        match fabricated(pattern, self.parts.as_deref(), self.membrane, &self.offsets, &none_lost) {
             Ok(Fabricated::Pattern(pattern)) => Ok(Some(pattern)),
             Ok(Fabricated::ShortCircuit | Fabricated::SharedCell) => Ok(None),
             Err(error) => Err(PredictError::failed(error)),
         }
     }
+}
 
-    /// Applies `of_mask` to the patterns with each mask.
-    fn with_each(
+impl<M: Sync> Masked<M> {
+    /// Predicts the patterns as they are fabricated.
+    fn predicted(
         &self,
         patterns: &[Pattern],
-        of_mask: impl Fn(&MaskOffsets, &[Pattern]) -> Result<Vec<Option<StateFields>>, PredictError>,
-    ) -> Result<Vec<Option<StateFields>>, PredictError> {
-        let mut found = vec![Some(StateFields::new()); patterns.len()];
-        for offsets in &self.offsets {
-            let made: Vec<Option<Pattern>> = patterns
-                .par_iter()
-                .map(|pattern| self.fabricated(pattern, offsets))
-                .collect::<Result<_, _>>()?;
-            let is_made: Vec<bool> = made.iter().map(Option::is_some).collect();
-            let made: Vec<Pattern> = made.into_iter().flatten().collect();
-            let mut fields = of_mask(offsets, &made)?.into_iter();
-            for (all, is_made) in found.iter_mut().zip(is_made) {
-                let own = if is_made { fields.next().flatten() } else { None };
-                match (all.as_mut(), own) {
-                    (Some(all), Some(own)) => all.extend(own),
-                    _ => *all = None,
-                }
-            }
-        }
-        Ok(found)
+        predict: impl Fn(&[Pattern]) -> Result<Vec<Option<Field>>, PredictError>,
+    ) -> Result<Vec<Option<Field>>, PredictError> {
+        let made: Vec<Option<Pattern>> = patterns
+            .par_iter()
+            .map(|pattern| self.fabricated(pattern))
+            .collect::<Result<_, _>>()?;
+        let is_made: Vec<bool> = made.iter().map(Option::is_some).collect();
+        let made: Vec<Pattern> = made.into_iter().flatten().collect();
+        let mut fields = predict(&made)?.into_iter();
+        let field = |is_made| if is_made { fields.next().flatten() } else { None };
+        Ok(is_made.into_iter().map(field).collect())
     }
 
     /// Returns what the electrode of a group adds to Σ derivative · share over the cells of a pattern as fabricated,
     /// for each cell: what it loses without it if it has one.
-    fn of_drawn_cells(
-        &self,
-        pattern: &Pattern,
-        offsets: &MaskOffsets,
-        of_cells: &[f64],
-    ) -> Result<Vec<f64>, PredictError> {
-        if *offsets == DRAWN {
+    fn of_drawn_cells(&self, pattern: &Pattern, of_cells: &[f64]) -> Result<Vec<f64>, PredictError> {
+        if self.offsets == DRAWN {
             return Ok(of_cells.to_vec());
         }
         let raster = pattern.raster();
         let [columns, rows] = raster.sides();
-        let reach = reach(offsets, self.membrane.cell_mm()).map(|cells| cells.ceil() as usize);
+        let reach = reach(&self.offsets, self.membrane.cell_mm()).map(|cells| cells.ceil() as usize);
         let period = reach.map(|cells| 2 * cells + 1);
-        let now = shares(self.fabricated(pattern, offsets)?.as_ref(), pattern);
+        let now = shares(self.fabricated(pattern)?.as_ref(), pattern);
         // Cells at this distance do not change the share of the same cell, so many are changed at once.
         let of_some = |first: usize| -> Result<Vec<(usize, f64)>, PredictError> {
             let [x0, y0] = [first % period[0], first / period[0]];
             let is_changed = |x: usize, y: usize| x % period[0] == x0 && y % period[1] == y0;
             let changed = Pattern::from_fn(raster, |x, y| pattern.is_active(x, y) != is_changed(x, y));
-            let then = shares(self.fabricated(&changed, offsets)?.as_ref(), &changed);
+            let then = shares(self.fabricated(&changed)?.as_ref(), &changed);
             let all = (y0..rows).step_by(period[1]);
             let all = all.flat_map(|y| (x0..columns).step_by(period[0]).map(move |x| (x, y)));
             let added = |(x, y): (usize, usize)| {
@@ -130,53 +125,52 @@ fn shares(made: Option<&Pattern>, drawn: &Pattern) -> Vec<f64> {
     }
 }
 
-impl<M: Deref<Target: Predictor<StateFields>> + Sync> Predictor<StateFields> for WithMasks<M> {
-    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<StateFields>>, PredictError> {
-        self.with_each(patterns, |_, made| self.model.predict_some(made))
+impl<M: Deref<Target: Predictor> + Sync> Predictor for Masked<M> {
+    fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
+        self.predicted(patterns, |made| self.model.predict_some(made))
     }
 }
 
-impl<M: Deref<Target: Differentiable<StateFields>> + Sync> Differentiable<StateFields> for WithMasks<M> {
+impl<M: Deref<Target: Evaluator> + Sync + Send> Evaluator for Masked<M> {
+    fn settings(&self) -> String {
+        self.model.settings()
+    }
+}
+
+impl<M: Deref<Target: Differentiable> + Sync> Differentiable for Masked<M> {
     /// The derivative with respect to the activity of a drawn cell is what its electrode adds to first order, also to
     /// the shares of the cells around it.
     fn gradient(
         &self,
         pattern: &Pattern,
-        slope: &dyn Fn(&StateFields) -> StateFields,
-    ) -> Result<Option<WithGradient<StateFields>>, PredictError> {
-        let found = self.predict_some(std::slice::from_ref(pattern))?.pop().flatten();
-        let Some(fields) = found else { return Ok(None) };
-        let states = fields.len() / self.offsets.len();
-        let slopes = slope(&fields);
-        let cells = pattern.raster().cells();
-        let mut sum = vec![0.0; usize::from(self.groups) * cells];
-        for (offsets, slopes) in self.offsets.iter().zip(slopes.chunks(states.max(1))) {
-            let Some(made) = self.fabricated(pattern, offsets)? else {
-                return Ok(None);
-            };
-            let Some((_, gradient)) = self.model.gradient(&made, &|_| slopes.to_vec())? else {
-                return Ok(None);
-            };
-            for (at, of_group) in gradient.chunks(cells).enumerate() {
-                let electrodes = pattern.of_group(at as u8 + 1);
-                let added = self.of_drawn_cells(&electrodes, offsets, of_group)?;
-                let sums = sum[at * cells..].iter_mut();
-                sums.zip(added).for_each(|(sum, added)| *sum += added);
-            }
+        slope: &dyn Fn(&Field) -> Field,
+    ) -> Result<Option<WithGradient>, PredictError> {
+        let Some(made) = self.fabricated(pattern)? else {
+            return Ok(None);
+        };
+        let Some((field, gradient)) = self.model.gradient(&made, slope)? else {
+            return Ok(None);
+        };
+        let groups = (1..).zip(gradient.chunks(pattern.raster().cells()));
+        let added = groups.map(|(group, of_group)| self.of_drawn_cells(&pattern.of_group(group), of_group));
+        let added: Vec<Vec<f64>> = added.collect::<Result<_, _>>()?;
+        Ok(Some((field, added.concat())))
+    }
+
+    fn predict_near(&self, base: &Pattern, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
+        match self.fabricated(base)? {
+            Some(base) => self.predicted(patterns, |made| self.model.predict_near(&base, made)),
+            None => Ok(vec![None; patterns.len()]),
         }
-        Ok(Some((fields, sum)))
     }
 
-    fn predict_near(&self, base: &Pattern, patterns: &[Pattern]) -> Result<Vec<Option<StateFields>>, PredictError> {
-        self.with_each(patterns, |offsets, made| match self.fabricated(base, offsets)? {
-            Some(base) => self.model.predict_near(&base, made),
-            None => Ok(vec![None; made.len()]),
-        })
-    }
-
-    /// The response to the mask as drawn: `weights` are those of the states.
-    fn linear_response(&self, weights: &[StateFields]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
-        self.model.linear_response(weights)
+    /// There is one for the mask as drawn, whose motions a goal ranks; others count 0.
+    fn linear_response(&self, weights: &[Field]) -> Result<Option<Vec<WithGradient<f64>>>, PredictError> {
+        if self.offsets == DRAWN {
+            return self.model.linear_response(weights);
+        }
+        let cells = self.groups * self.membrane.raster.cells();
+        Ok(Some(vec![(0.0, vec![0.0; cells]); weights.len()]))
     }
 }
 
@@ -191,6 +185,13 @@ mod tests {
 
     fn mask(wider_mm: f64, shift_mm: [f64; 2]) -> MaskOffsets {
         MaskOffsets { wider_mm, shift_mm }
+    }
+
+    fn masks(offsets: MaskOffsets) -> Masks {
+        Masks {
+            offsets: vec![DRAWN, offsets],
+            criterion: Criterion::Worst { counts_drawn: false },
+        }
     }
 
     fn goal(masks: usize) -> Goal {
@@ -213,7 +214,7 @@ mod tests {
             mask(0.0, [0.2, -0.4]),
             mask(1.3, [0.6, 0.0]),
         ] {
-            let model = WithMasks::new(Box::new(InStates::one(&device)), vec![DRAWN, offsets], &scene);
+            let model = InStates::new(masks(offsets).over(&[&device], &scene));
             let pattern = scattered();
             let score = |pattern: &Pattern| goal.score(&model.predict(std::slice::from_ref(pattern)).unwrap()[0]);
             let (_, gradient) = model.gradient(&pattern, &|fields| goal.slope(fields)).unwrap().unwrap();
@@ -237,11 +238,7 @@ mod tests {
         let mut device = TestDevice::linear(vec![1e-3; 2500]);
         device.loads = vec![1.0, 1.0];
         let scene = Scene::vhb4910();
-        let model = WithMasks::new(
-            Box::new(InStates::one(&device)),
-            vec![DRAWN, mask(0.6, [0.0; 2])],
-            &scene,
-        );
+        let model = InStates::new(masks(mask(0.6, [0.0; 2])).over(&[&device], &scene));
         let near = Pattern::from_groups(Raster::PAPER, |x, _| match x {
             0..20 => 1,
             20 => 0,

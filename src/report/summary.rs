@@ -303,11 +303,17 @@ impl VerificationSummary {
 /// Returns the best of designs with their simulated displacements. The optimum is only for comparison, unless there is
 /// nothing else.
 fn best_of<'a>(solved: &[(&'a RowSummary, f64)]) -> Option<(&'a RowSummary, f64)> {
-    let better = |a: &&(&RowSummary, f64), b: &&(&RowSummary, f64)| match (a.0.distance_mm, b.0.distance_mm) {
+    best(solved, |row| (row.role, row.distance_mm))
+}
+
+/// Returns the best of designs with their displacements; the last of equal ones. `of` is the role of one, and its
+/// distance from the target if there is one.
+pub(super) fn best<'a, T>(solved: &[(&'a T, f64)], of: impl Fn(&T) -> (Role, Option<f64>)) -> Option<(&'a T, f64)> {
+    let better = |a: &&(&T, f64), b: &&(&T, f64)| match (of(a.0).1, of(b.0).1) {
         (Some(a), Some(b)) => b.total_cmp(&a),
         _ => a.1.total_cmp(&b.1),
     };
-    let searched = solved.iter().filter(|(row, _)| row.role != Role::Optimum);
+    let searched = solved.iter().filter(|(design, _)| of(design).0 != Role::Optimum);
     searched
         .max_by(better)
         .or_else(|| solved.iter().max_by(better))

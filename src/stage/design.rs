@@ -86,9 +86,7 @@ impl DesignParameters {
     }
 
     fn check(&self, map: &Map<'_>) -> Result<(), InputError> {
-        let network = map
-            .optional("needs")
-            .filter(|needs| !needs.list("needs").is_ok_and(<[Node]>::is_empty));
+        let network = networks_of(map);
         if self.evaluator == EvaluatorChoice::Surrogate && network.is_none() {
             return Err(map
                 .error("`evaluator: surrogate` needs a network: add a train stage to `needs`")
@@ -273,33 +271,32 @@ fn tolerances_of(scene: Option<&Node>) -> Result<Option<Tolerances>, InputError>
     Ok(scene.map(Tolerances::of_scene).transpose()?.flatten())
 }
 
+/// The `needs` of a stage, if there are any.
+fn networks_of<'m>(map: &Map<'m>) -> Option<&'m Node> {
+    let needs = map.optional("needs");
+    needs.filter(|needs| !needs.list("needs").is_ok_and(<[Node]>::is_empty))
+}
+
 /// Refuses a robust objective where cells that are covered in part are not simulated.
 fn check_robust(task: &DesignTask, scene: &Scene, evaluator: EvaluatorChoice, map: &Map<'_>) -> Result<(), InputError> {
-    let node = |key: &str| map.optional(key);
-    let objective = ["objective", "targets", "objectives"].into_iter().find_map(node);
-    let refused = |at: Option<&Node>, message: String, help: &str| match at {
-        Some(node) => Err(node.error(message).help(help.to_owned())),
-        None => Err(map.error(message).help(help.to_owned())),
-    };
-    if let Some(needs) = node("needs").filter(|needs| !needs.list("needs").is_ok_and(<[Node]>::is_empty)) {
-        let message = "networks cannot predict cells that are covered in part, and a target is `robust`".to_owned();
-        return refused(Some(needs), message, "remove `needs`");
-    }
-    if !matches!(
+    only_by_newton(
+        (map, networks_of(map)),
         evaluator,
-        EvaluatorChoice::Auto | EvaluatorChoice::Elements(Evaluation::Newton)
-    ) {
-        let message =
-            format!("`evaluator: {evaluator}` cannot predict cells that are covered in part, and a target is `robust`");
-        return refused(node("evaluator"), message, "allowed: auto, newton");
-    }
+        "cells that are covered in part",
+        "is `robust`",
+    )?;
+    let keys = ["objective", "targets", "objectives"].into_iter();
+    let objective = keys.filter_map(|key| map.optional(key)).next();
+    let refused = |message: String, help: &str| {
+        let error = objective.map_or_else(|| map.error(message.clone()), |node| node.error(message.clone()));
+        Err(error.help(help.to_owned()))
+    };
     if task.front.as_ref().is_some_and(|front| front.cost.is_charge()) {
         let message = "`robust` cannot be used with `charge: least`".to_owned();
-        return refused(objective, message, "use `area: least`");
+        return refused(message, "use `area: least`");
     }
     scene.in_states().iter().try_for_each(|(_, state)| {
-        check_covered_cells(state)
-            .or_else(|error| refused(objective, error.to_string(), "remove `robust`, or the effect"))
+        check_covered_cells(state).or_else(|error| refused(error.to_string(), "remove `robust`, or the effect"))
     })
 }
 
@@ -517,8 +514,7 @@ fn check_pull_in_margin(task: &DesignTask, scene: &Scene, node: &Node) -> Result
 
 /// Refuses networks for forces of sides.
 fn refuse_networks(map: &Map<'_>) -> Result<(), InputError> {
-    let has_some = |needs: &&Node| !needs.list("needs").is_ok_and(<[Node]>::is_empty);
-    match map.optional("needs").filter(has_some) {
+    match networks_of(map) {
         None => Ok(()),
         Some(node) => Err(node
             .error("networks cannot predict forces of sides, and a target has a `reaction`")
@@ -526,22 +522,34 @@ fn refuse_networks(map: &Map<'_>) -> Result<(), InputError> {
     }
 }
 
+/// Help where no pattern satisfies area and constraints.
+const CONTRADICTION: &str = "use another `area` (or `area: free`), or relax `constraints`: the strips that join pads \
+                             and pieces take area, too";
+
 /// Refuses networks and estimates: they cannot predict amplitudes.
 fn check_amplitude_evaluator(map: &Map<'_>, evaluator: EvaluatorChoice) -> Result<(), InputError> {
-    let network = map.optional("needs");
-    let network = network.map(|node| (node, "networks cannot predict amplitudes".to_owned(), "remove `needs`"));
+    let needs = map.optional("needs");
+    only_by_newton((map, needs), evaluator, "amplitudes", "has a `frequency`")
+}
+
+/// Refuses the networks that a stage needs and other evaluators than Newton's method, which cannot predict something.
+fn only_by_newton(
+    (map, needs): (&Map<'_>, Option<&Node>),
+    evaluator: EvaluatorChoice,
+    what: &str,
+    target: &str,
+) -> Result<(), InputError> {
+    let network = needs.map(|node| (node, format!("networks cannot predict {what}"), "remove `needs`"));
     let other = match evaluator {
         EvaluatorChoice::Auto | EvaluatorChoice::Elements(Evaluation::Newton) => None,
         other => map.optional("evaluator").map(|node| {
-            let message = format!("`evaluator: {other}` cannot predict amplitudes");
+            let message = format!("`evaluator: {other}` cannot predict {what}");
             (node, message, "allowed: auto, newton")
         }),
     };
     match network.or(other) {
         None => Ok(()),
-        Some((node, message, help)) => Err(node
-            .error(format!("{message}, and a target has a `frequency`"))
-            .help(help)),
+        Some((node, message, help)) => Err(node.error(format!("{message}, and a target {target}")).help(help)),
     }
 }
 
@@ -700,8 +708,7 @@ impl Stage for DesignStage {
             .iter()
             .map(|(_, scene)| scene.strongest_group())
             .collect();
-        let help = |error: SearchError| {
-            match error {
+        let help = |error: SearchError| match error {
             SearchError::Stopped(stopped) => stopped.into(),
             error if error.is_instability() => StageError::Advised {
                 source: error.into(),
@@ -709,12 +716,9 @@ impl Stage for DesignStage {
             },
             error if error.is_contradiction() => StageError::Advised {
                 source: error.into(),
-                help: "use another `area` (or `area: free`), or relax `constraints`: the strips that join pads and pieces \
-                       take area, too"
-                    .to_owned(),
+                help: CONTRADICTION.to_owned(),
             },
             error => StageError::failed(error),
-        }
         };
         let search = Search {
             target,

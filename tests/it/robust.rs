@@ -1,10 +1,11 @@
 //! Designs for electrodes as they are fabricated, and designs with contact pads.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use deaflow::base::{ArtifactId, Document};
 use deaflow::content::Designs;
-use deaflow::design::{Objective, WithMasks};
+use deaflow::design::Objective;
 use deaflow::fem::GradientEvaluator;
 use deaflow::field::{InStates, Predictor};
 use deaflow::pattern::Bits;
@@ -109,7 +110,7 @@ fn a_search_along_the_gradient_gains_in_the_worst_case() {
         let goal = objective.goal(&scene, None, 0.0).unwrap();
         let goal = goal.with_masks(masks.offsets.len(), masks.criterion);
         let model = GradientEvaluator::new(&scene).unwrap();
-        let model = WithMasks::new(Box::new(InStates::one(Box::new(model))), masks.offsets, &scene);
+        let model = InStates::new(masks.over(&[Arc::new(model)], &scene));
         goal.robust_value(&model.predict(&[pattern.pattern()]).unwrap()[0])
             .unwrap()
     };

@@ -8,7 +8,7 @@ use super::intervals::Intervals;
 use crate::arguments::StoreArguments;
 use crate::job::seconds_each;
 use crate::{CliError, model};
-use deaflow_base::{Digest, Progress, is_interrupted};
+use deaflow_base::{Digest, Progress};
 use deaflow_content::{Packed, SolveFile};
 use deaflow_field::{Field, OutcomeKind, Predictor};
 use deaflow_pattern::{Pattern, PatternForm};
@@ -137,9 +137,7 @@ impl Model {
     ) -> Result<Predictions, CliError> {
         let (mut fields, mut seconds) = (Vec::with_capacity(patterns.len()), Vec::with_capacity(patterns.len()));
         for batch in patterns.chunks(BATCH) {
-            if is_interrupted() {
-                return Err(CliError::stopped("interrupted"));
-            }
+            CliError::if_interrupted()?;
             let start = Instant::now();
             fields.extend(self.surrogate.predict(batch)?);
             seconds.extend(seconds_each(start, batch.len()));

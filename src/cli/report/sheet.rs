@@ -42,7 +42,7 @@ impl PreparedSheet {
             stages: std::slice::from_ref(&design.made),
             ..*artifacts
         };
-        let neglected = neglected_effects(pipeline, &only, ProgressMode::Bars)?.lines;
+        let neglected = neglected_effects(pipeline, &only, ProgressMode::Bars)?.all();
         let sheet = FabricationSheet {
             run: artifacts,
             history,

@@ -9,7 +9,7 @@ use super::cells;
 use super::simulation::PatternSolver;
 use crate::CliError;
 use crate::job::seconds_each;
-use deaflow_base::{Progress, is_interrupted};
+use deaflow_base::Progress;
 use deaflow_content::{CoveredCells, DrawnElectrodes, Lines, Observations, Packed, SolveFile};
 use deaflow_fem::effects::Examined;
 use deaflow_fem::screening::{ScreenedScene, TestPattern, examined, observing_breakdown, resolve, resolve_states};
@@ -151,9 +151,7 @@ impl Equilibria {
         // The first batch is small, so that the pace is known early.
         let (first, rest) = patterns.split_at(threads.min(patterns.len()));
         for batch in std::iter::once(first).chain(rest.chunks(BATCH * threads)) {
-            if is_interrupted() {
-                return Err(CliError::stopped("interrupted"));
-            }
+            CliError::if_interrupted()?;
             let start = Instant::now();
             if request.cells {
                 let (found, of_cells) = solver.simulate_cells(batch)?;

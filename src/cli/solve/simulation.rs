@@ -10,7 +10,7 @@ use serde_json::json;
 use super::SolveArguments;
 use crate::job::{Job, JobResult, attached_files, extend, seconds_each};
 use crate::{CliError, Exit, Output, decisions, write};
-use deaflow_base::{Progress, is_interrupted};
+use deaflow_base::Progress;
 use deaflow_fem::screening::resolve;
 use deaflow_fem::{SetupError, SolveOptions, SolverParameters, check_covered_cells, check_leads};
 use deaflow_pattern::Pattern;
@@ -169,9 +169,7 @@ impl Computation<'_> {
         mut keep: impl FnMut(T, f64),
     ) -> Result<(), CliError> {
         for batch in self.patterns.chunks(rayon::current_num_threads()) {
-            if is_interrupted() {
-                return Err(CliError::stopped("interrupted"));
-            }
+            CliError::if_interrupted()?;
             let start = Instant::now();
             let found = batch.par_iter().map(|pattern| {
                 let found = simulate(pattern);
@@ -196,13 +194,11 @@ impl Computation<'_> {
         &self,
         simulate: impl Fn(&Pattern) -> Result<T, CliError> + Sync,
     ) -> Result<Vec<T>, CliError> {
-        let simulated = |pattern: &Pattern| match is_interrupted() {
-            true => Err(CliError::stopped("interrupted")),
-            false => {
-                let found = simulate(pattern)?;
-                self.progress.advance(1);
-                Ok(found)
-            }
+        let simulated = |pattern: &Pattern| {
+            CliError::if_interrupted()?;
+            let found = simulate(pattern)?;
+            self.progress.advance(1);
+            Ok(found)
         };
         self.patterns.par_iter().map(simulated).collect()
     }

@@ -291,8 +291,8 @@ impl Limits {
         self.pads.iter().map(cells).reduce(|all, one| all.or(&one))
     }
 
-    /// The constraints of each group if some cells are always active; empty otherwise. `common` are those of all groups,
-    /// `gap` is the distance of other groups.
+    /// The constraints of each group if some cells are always active; empty otherwise. `common` are those of all
+    /// groups, `gap` is the distance of other groups.
     pub(super) fn of_groups(
         &self,
         common: &RasterConstraints,

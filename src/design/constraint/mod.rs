@@ -277,7 +277,8 @@ impl Constraints {
     /// A valid pattern near a pattern, margins ignored: the pattern itself if it is valid. Opening and closing remove
     /// what is too narrow. A piece without a lead, or beyond the maximum number, is joined by the shortest strip of
     /// the minimum width, or removed if the strip would be larger than the piece. Cells that are always active are
-    /// added. Groups with fewer cells give way to groups with more. The area may change. `None` if nothing of the pattern is left.
+    /// added. Groups with fewer cells give way to groups with more. The area may change. `None` if nothing of the
+    /// pattern is left.
     #[must_use]
     pub fn repaired(&self, pattern: &Pattern) -> Option<Pattern> {
         Some(self.repaired_layers(&self.layers(pattern))?.pattern())

@@ -103,8 +103,8 @@ impl Goal {
         Self { charge_weight, ..self }
     }
 
-    /// The goal for fields with each of several masks, as [`WithMasks`](crate::WithMasks) predicts them: the first is
-    /// the mask as drawn, whose motions are those of the goal.
+    /// The goal for fields with each of several masks, as models [over several masks](crate::Masks::over) predict
+    /// them: the first is the mask as drawn, whose motions are those of the goal.
     #[must_use]
     pub fn with_masks(self, count: usize, criterion: Criterion) -> Self {
         Self {

@@ -152,7 +152,8 @@ impl Robust {
         let is_far = |one: &&MaskOffsets| reach(one, cell_mm).into_iter().any(|cells| cells > MOST_CELLS);
         match masks.iter().find(is_far) {
             Some(mask) => Err(format!(
-                "a mask of `robust` differs by {:.3} cells from that drawn, allowed: at most {MOST_CELLS} cells of {} mm",
+                "a mask of `robust` differs by {:.3} cells from that drawn, allowed: at most {MOST_CELLS} cells of {} \
+                 mm",
                 reach(mask, cell_mm).into_iter().fold(0.0, f64::max),
                 cell_mm[0].min(cell_mm[1])
             )),

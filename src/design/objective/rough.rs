@@ -1,7 +1,7 @@
 //! The score of a pattern from the linear response, in microseconds: the response is a sum over the active cells.
 
 use super::goal::Goal;
-use deaflow_field::{Differentiable, Field, PredictError, StateFields, WithGradient};
+use deaflow_field::{Differentiable, PredictError, StateFields, WithGradient};
 use deaflow_pattern::Pattern;
 
 /// With more aims, a sum takes as long as an estimate by finite elements, and its setup longer than a search.
@@ -30,7 +30,7 @@ impl<'a> RoughScore<'a> {
         if goal.aims().len() > MAX_AIMS {
             return Ok(None);
         }
-        let rest = vec![Field::zero(goal.raster()); states];
+        let rest = goal.at_rest(states);
         let components = goal.aims().iter().flat_map(|aim| {
             let of = |gradient| goal.slope_of(aim, &rest, gradient);
             [of([1.0, 0.0]), of([0.0, 1.0])]

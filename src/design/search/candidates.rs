@@ -4,7 +4,7 @@
 //! accuracy`. Errors are reproducible, and so is the selection.
 
 use super::Cause;
-use deaflow_field::{Field, PredictError, Predictor, StateFields};
+use deaflow_field::{Evaluator, Field, InStates, PredictError, Predictor, StateFields};
 use deaflow_pattern::Pattern;
 
 /// Number of patterns of the first generation on which evaluators are compared.
@@ -15,7 +15,7 @@ pub struct Candidate {
     /// The settings on one line, as in an accuracy stage.
     pub settings: String,
     /// The evaluator in each state of the device, or the error.
-    pub evaluator: Result<Box<dyn Predictor<StateFields>>, Cause>,
+    pub evaluator: Result<InStates<Box<dyn Evaluator>>, Cause>,
 }
 
 /// The errors of an evaluator relative to the reference.

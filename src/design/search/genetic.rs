@@ -21,7 +21,7 @@ impl Search<'_> {
         };
         let rough = self.rough()?;
         let problem = EvolveProblem {
-            predictor: &*evaluator,
+            predictor: &evaluator,
             goal: &self.target.goal,
             constraints: self.constraints,
             feasibility: self.feasibility()?,
@@ -51,7 +51,7 @@ impl Search<'_> {
         if self.options.refine {
             self.refine(&mut findings)?;
         }
-        self.result(settings, &*evaluator, findings, accuracies)
+        self.result(settings, &evaluator, findings, accuracies)
     }
 
     /// The rough score; `None` if all patterns are judged.

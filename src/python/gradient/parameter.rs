@@ -1,8 +1,8 @@
 //! Derivatives with respect to voltages and parameters of the material, for patterns of whole cells.
 //!
 //! The electric energy of a cell is proportional to κ S, with the load κ = ε V² / (μ H²) at the largest voltage V and
-//! the share S = (V_g / V)² of its electrode group. An equilibrium depends on the voltages by κ S alone, and the adjoint
-//! method has dJ/dS. Without other forces it depends on permittivity ε, shear modulus μ and thickness H by κ alone:
+//! the share S = (V_g / V)² of its electrode group. An equilibrium depends on the voltages by κ S alone, and the
+//! adjoint method has dJ/dS. Without other forces it depends on permittivity ε, shear modulus μ and thickness H by κ alone:
 //! dJ/d ln κ = Σ S dJ/dS.
 
 use deaflow::cli::{CliError, Equilibria};

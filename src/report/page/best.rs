@@ -6,29 +6,23 @@ use super::cards::{FOLDER, deformed, pattern, simulated};
 use crate::designs::{Design, Role};
 use crate::drawing::{DeformedMembrane, exaggeration};
 use crate::format::{change, mm, percents, three};
+use crate::summary::best as best_of;
 use deaflow_base::no_break_units;
 
 /// Draws the best design of a pipeline; `None` without a design of a search.
 pub fn best(designs: &[Design]) -> Option<Markup> {
-    let found: Vec<&Design> = designs.iter().filter(|design| design.role.is_found()).collect();
-    // The optimum is for comparison, unless there is nothing else.
-    let searched: Vec<&Design> = found
+    let first = designs
         .iter()
-        .copied()
-        .filter(|design| design.role != Role::Optimum)
-        .collect();
-    let candidates = if searched.is_empty() { found } else { searched };
-    let first = candidates.first()?;
+        .find(|design| design.role.is_found() && design.role != Role::Optimum);
+    let first = first.or_else(|| designs.iter().find(|design| design.role.is_found()))?;
     let several = designs.iter().any(|design| !design.has_same_target(first));
-    let of_first = candidates
+    let value = |design: &Design| design.simulated_mm.or(design.predicted_mm).unwrap_or(f64::NEG_INFINITY);
+    let found = designs
         .iter()
-        .copied()
-        .filter(|design| design.has_same_target(first));
-    let value = |design: &&Design| match design.distance_mm {
-        Some(distance) => -distance,
-        None => design.simulated_mm.or(design.predicted_mm).unwrap_or(f64::NEG_INFINITY),
-    };
-    let design = of_first.reduce(|best, one| if value(&one) > value(&best) { one } else { best })?;
+        .filter(|design| design.role.is_found() && design.has_same_target(first));
+    // The first of equal ones.
+    let found: Vec<(&Design, f64)> = found.rev().map(|design| (design, value(design))).collect();
+    let (design, _) = best_of(&found, |design| (design.role, design.distance_mm))?;
     let membranes: Vec<DeformedMembrane> = design.membranes();
     let scale = exaggeration(&membranes);
     let times = match scale {
@@ -40,7 +34,9 @@ pub fn best(designs: &[Design]) -> Option<Markup> {
             div.pair {
                 figure { (pattern(design)) figcaption { "Electrode" } }
                 @match design.states.first() {
-                    Some(state) => { figure { (deformed(design, Some(state), scale)) figcaption { (state.name) ", " (times) } } }
+                    Some(state) => {
+                        figure { (deformed(design, Some(state), scale)) figcaption { (state.name) ", " (times) } }
+                    }
                     None => { figure { (deformed(design, None, scale)) figcaption { "With voltage, " (times) } } }
                 }
             }

@@ -1,8 +1,10 @@
 //! The finite element models of a design stage, created on first use.
 
+use std::sync::Arc;
+
 use super::DesignStage;
 use super::evaluators::{amplitude_parameters, amplitude_solver};
-use deaflow_design::{FiniteElements, ResponseKind, SearchError, Target, WithMasks};
+use deaflow_design::{FiniteElements, ResponseKind, SearchError, Target};
 use deaflow_fem::screening::resolved_states;
 use deaflow_fem::{GradientEvaluator, SafetyMargins, SetupError, ThreeSolves, at_peak};
 use deaflow_field::{Differentiable, Feasibility, InStates, PredictError, StateFields};
@@ -18,7 +20,7 @@ pub struct ForTarget<'a> {
 
 /// Models in each state of the device: for the gradient, and for the margins.
 pub struct TargetModels {
-    gradient: Box<dyn Differentiable<StateFields> + Send>,
+    gradient: InStates<Arc<dyn Differentiable + Send>>,
     margins: Vec<SafetyMargins>,
 }
 
@@ -58,13 +60,13 @@ impl DesignStage {
                     ResponseKind::Equilibrium => {
                         let evaluator = GradientEvaluator::new(&scene)?;
                         let front = self.task.front.as_ref();
-                        Box::new(match front.is_some_and(|front| front.cost.is_charge()) {
+                        Arc::new(match front.is_some_and(|front| front.cost.is_charge()) {
                             true => evaluator.measuring_charge(),
                             false => evaluator,
-                        }) as Box<dyn Differentiable + Send>
+                        }) as Arc<dyn Differentiable + Send>
                     }
-                    ResponseKind::After(time) => Box::new(ThreeSolves::new(&scene, time.value())?.gradient(&scene)?),
-                    ResponseKind::Amplitude(frequency) => Box::new(amplitude_solver(
+                    ResponseKind::After(time) => Arc::new(ThreeSolves::new(&scene, time.value())?.gradient(&scene)?),
+                    ResponseKind::Amplitude(frequency) => Arc::new(amplitude_solver(
                         &scene,
                         frequency,
                         &target.goal,
@@ -81,12 +83,16 @@ impl DesignStage {
                     limits.breakdown_margin,
                 )?);
             }
-            let drawn = InStates::new(gradient);
-            let gradient: Box<dyn Differentiable<StateFields> + Send> = match &target.masks {
-                None => Box::new(drawn),
-                Some(masks) => Box::new(WithMasks::new(Box::new(drawn), masks.offsets.clone(), &self.scene)),
-            };
-            Ok(TargetModels { gradient, margins })
+            if let Some(masks) = &target.masks {
+                let over = masks.over(&gradient, &self.scene).into_iter();
+                gradient = over
+                    .map(|one| Arc::from(one as Box<dyn Differentiable + Send>))
+                    .collect();
+            }
+            Ok(TargetModels {
+                gradient: InStates::new(gradient),
+                margins,
+            })
         };
         let models = models().map_err(|e| SearchError::Setup(e.into()))?;
         Ok(shared.get_or_init(|| models))
@@ -95,7 +101,7 @@ impl DesignStage {
 
 impl FiniteElements for ForTarget<'_> {
     fn gradient(&self) -> Result<&dyn Differentiable<StateFields>, SearchError> {
-        Ok(&*self.stage.models(self.target)?.gradient)
+        Ok(&self.stage.models(self.target)?.gradient)
     }
 
     fn settings(&self) -> String {

@@ -1,12 +1,13 @@
 //! The evaluators of a design search: networks, estimates and Newton's method.
 
 use std::fmt;
+use std::sync::Arc;
 
 use deaflow_base::{Canonical, Frequency, InputError, Node, Parameter, Schema, Time};
-use deaflow_design::{Candidate, Cause, Evaluators, Goal, Masks, ResponseKind, WithMasks};
+use deaflow_design::{Candidate, Cause, Evaluators, Goal, Masks, ResponseKind};
 use deaflow_fem::screening::resolved_states;
 use deaflow_fem::{Method, SetupError, SolverParameters, Swing, ThreeSolves, UnknownMethod, creep_settings};
-use deaflow_field::{Evaluator, Field, InStates, Mesh, Predictor, StateFields};
+use deaflow_field::{Evaluator, Field, InStates, Mesh};
 use deaflow_orchestrator::{Expectation, ResultSource, StageDeclaration};
 use deaflow_scene::Scene;
 use deaflow_surrogate::{NetworkKind, Surrogate};
@@ -113,7 +114,7 @@ fn networks(each: Vec<Surrogate>) -> Candidate {
     let each = each.into_iter().map(|network| Box::new(network) as Box<dyn Evaluator>);
     Candidate {
         settings: settings.join(", "),
-        evaluator: Ok(Box::new(InStates::new(each.collect::<Vec<_>>()))),
+        evaluator: Ok(InStates::new(each.collect())),
     }
 }
 
@@ -132,7 +133,7 @@ fn elements(scene: &Scene, time: Option<Time>, method: Method, elements_per_cell
             None => parameters.to_string(),
             Some(_) => creep_settings(&parameters),
         },
-        evaluator: each(scene, one),
+        evaluator: each(scene, one).map(InStates::new),
     }
 }
 
@@ -143,25 +144,33 @@ fn steps(scene: &Scene, time: Time, elements_per_cell: usize) -> Candidate {
     let parameters = parameters.up_to(time);
     Candidate {
         settings,
-        evaluator: each(scene, |scene| Ok(Box::new(parameters.build(scene)?))),
+        evaluator: each(scene, |scene| {
+            Ok(Box::new(parameters.build(scene)?) as Box<dyn Evaluator>)
+        })
+        .map(InStates::new),
     }
 }
 
 /// Builds an evaluator in each state of a scene.
-fn each(
-    scene: &Scene,
-    one: impl Fn(&Scene) -> Result<Box<dyn Evaluator>, SetupError>,
-) -> Result<Box<dyn Predictor<StateFields>>, Cause> {
+fn each<E>(scene: &Scene, one: impl Fn(&Scene) -> Result<E, SetupError>) -> Result<Vec<E>, Cause> {
     let each = || {
         resolved_states(scene)?
             .iter()
             .map(one)
-            .collect::<Result<Vec<_>, SetupError>>()
+            .collect::<Result<_, SetupError>>()
     };
-    match each() {
-        Ok(each) => Ok(Box::new(InStates::new(each))),
-        Err(error) => Err(error.into()),
-    }
+    each().map_err(Into::into)
+}
+
+/// Returns Newton's method on patterns with each of several masks, whose cells only it simulates.
+pub fn with_masks(scene: &Scene, masks: &Masks) -> Evaluators {
+    let parameters = SolverParameters::new(Method::Newton, Mesh::bilinear(1));
+    let solvers = each(scene, |scene| Ok(Arc::new(parameters.build(scene)?)));
+    let over = |solvers: Vec<_>| masks.over(&solvers, scene).into_iter();
+    Evaluators::Named(Candidate {
+        settings: parameters.to_string(),
+        evaluator: solvers.map(|solvers| InStates::new(over(solvers).map(|one| one as Box<dyn Evaluator>).collect())),
+    })
 }
 
 /// Returns the solver of amplitudes in a search: one bilinear element per cell has a small error.
@@ -177,7 +186,7 @@ fn amplitude_candidate(scene: &Scene, frequency: Frequency, goal: &Goal) -> Cand
     };
     Candidate {
         settings: parameters.settings_in_time("response"),
-        evaluator: each(scene, one),
+        evaluator: each(scene, one).map(InStates::new),
     }
 }
 
@@ -194,17 +203,6 @@ pub fn amplitude_solver(
     let weights = goal.slope(&[Field::zero(goal.raster())]);
     let weights = weights.into_iter().next().unwrap_or_else(|| Field::zero(goal.raster()));
     Swing::new(scene, frequency.value(), weights, parameters)
-}
-
-/// Returns Newton's method on patterns with each of several masks, whose cells only it simulates.
-pub fn with_masks(scene: &Scene, masks: &Masks) -> Evaluators {
-    let Candidate { settings, evaluator } = elements(scene, None, Method::Newton, 1);
-    let wrap =
-        |model| -> Box<dyn Predictor<StateFields>> { Box::new(WithMasks::new(model, masks.offsets.clone(), scene)) };
-    Evaluators::Named(Candidate {
-        settings,
-        evaluator: evaluator.map(wrap),
-    })
 }
 
 /// Returns the evaluators of a search: the chosen one, or all in the order of their cost as measured by `deaflow
@@ -258,7 +256,7 @@ mod tests {
     use super::*;
     use deaflow_base::Document;
     use deaflow_design::{CandidateAccuracy, Constraints, DesignReferences, cheapest_evaluator, first_generation};
-    use deaflow_field::Field;
+    use deaflow_field::{Field, Predictor};
     use deaflow_pattern::{Membrane, Pattern, Raster};
 
     #[test]
