@@ -13,19 +13,13 @@ use deaflow_scene::{Effects, Scene};
 use deaflow_store::{Artifact, Object, StoreError};
 
 /// The arrays of values of designs, which are forces in place of displacements if the objective is a `reaction`.
-const VALUES: [&str; 5] = [
-    "value",
-    "history/value",
-    "climb/value",
-    "front/gain",
-    "front/hypervolume",
-];
+const VALUES: [&str; 4] = ["value", "history/value", "climb/value", "front/gain"];
 
 /// The limits of a front, which are charges in place of areas if designs are those for each charge.
 const LIMITS: [&str; 2] = ["front/limit", "front/reference"];
 
-/// The hypervolume, in units of values times charge for these.
-const HYPERVOLUME: [&str; 1] = ["front/hypervolume"];
+/// The hypervolume, in the product of the units of the objectives.
+const HYPERVOLUME: &str = "front/hypervolume";
 
 /// The same of verified designs.
 const VERIFIED_VALUES: [&str; 3] = ["component/predicted", "component/simulated", "component/error"];
@@ -52,13 +46,14 @@ impl Designs {
     #[must_use]
     pub fn object_in(self, unit: &str) -> Object {
         let has_charges = self.front.as_ref().is_some_and(|front| front.charge.is_some());
-        let object = in_unit(self.object(), &VALUES, unit);
-        match has_charges {
-            true => {
-                let object = in_unit(object, &LIMITS, CHARGE_UNIT);
-                in_unit(object, &HYPERVOLUME, &format!("{unit} {CHARGE_UNIT}"))
-            }
-            false => object,
+        let of_volume = self.front.as_ref().map(|front| front.hypervolume_unit(unit));
+        let mut object = in_unit(self.object(), &VALUES, unit);
+        if has_charges {
+            object = in_unit(object, &LIMITS, CHARGE_UNIT);
+        }
+        match of_volume {
+            Some(of_volume) => in_unit(object, &[HYPERVOLUME], &of_volume),
+            None => object,
         }
     }
 }
@@ -70,6 +65,16 @@ impl DesignsView<'_> {
     /// If a chunk is missing or damaged.
     pub fn unit(&self) -> Result<&'static str, StoreError> {
         unit_of(self.artifact(), VALUES[0])
+    }
+
+    /// Returns the unit of the hypervolume of a front; mm without a front.
+    ///
+    /// # Errors
+    /// If a chunk is missing or damaged.
+    pub fn hypervolume_unit(&self) -> Result<String, StoreError> {
+        let mut contents = self.artifact().contents()?.iter();
+        let found = contents.find(|content| content.path == HYPERVOLUME);
+        Ok(found.map_or_else(|| "mm".to_owned(), |content| content.units.clone()))
     }
 }
 

@@ -60,7 +60,7 @@ pub use element::{Packed, PerCell, PerUnit, Row, SingleField};
 pub use error::{AttributeError, ElementError, Fault};
 pub use evaluation::{Coverage, CoverageView, Evaluation, PatternScores, Scores};
 pub use frequency_responses::FrequencyResponses;
-pub use fronts::{Fronts, FrontsView};
+pub use fronts::{FrontObjectives, FrontObjectivesView, Fronts, FrontsView};
 pub use histories::Histories;
 pub use inflation_paths::InflationPaths;
 pub use inflations::Inflations;

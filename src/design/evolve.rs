@@ -17,6 +17,8 @@ mod breed;
 mod checkpoint;
 mod history;
 mod niche;
+mod nsga2;
+mod nsga2_checkpoint;
 mod options;
 mod result;
 mod resume;
@@ -24,8 +26,9 @@ mod search;
 mod winners;
 
 pub use checkpoint::CheckpointError;
+pub use nsga2::{FrontEvolution, FrontGeneration, FrontMember, FrontProblem, evolve_front};
 pub use options::{EvolveOptions, OptionsError};
-pub use result::{Evolution, GenerationReport, Observer, Stop, Winner};
+pub use result::{Evolution, FrontReport, GenerationReport, Observer, Stop, Winner};
 
 use super::constraint::Constraints;
 use super::genome::{Genome, UNITS, unit_of};
@@ -73,6 +76,9 @@ pub enum EvolveError {
     /// The search was stopped.
     #[error(transparent)]
     Stopped(#[from] Stopped),
+    /// The front has no design.
+    #[error("no pattern satisfies the constraints and gains anything over the membrane at rest")]
+    NoDesign,
     /// No pattern is feasible.
     #[error("no pattern of the first generation satisfies the margins (`pull_in_margin`, `breakdown_margin`)")]
     NotFeasible,
@@ -148,7 +154,7 @@ fn resume(search: &mut Search<'_>, options: &EvolveOptions, observer: &dyn Obser
         Ok(checkpoint) => {
             let history = search.restored(checkpoint);
             if let Some(last) = history.reports.last() {
-                observer.resumed(last);
+                observer.resumed(last.generation);
             }
             Some(history)
         }

@@ -25,10 +25,14 @@ pub use constraint::{
     ConstraintError, ConstraintParameters, Constraints, DesignDomain, Limits, Pad, Sides, Violations,
 };
 pub use evolve::{
-    CheckpointError, Evolution, EvolveError, EvolveOptions, EvolveProblem, GenerationReport, Observer, OptionsError,
-    Stop, Winner, evolve, first_generation,
+    CheckpointError, Evolution, EvolveError, EvolveOptions, EvolveProblem, FrontEvolution, FrontGeneration,
+    FrontMember, FrontProblem, FrontReport, GenerationReport, Observer, OptionsError, Stop, Winner, evolve,
+    evolve_front, first_generation,
 };
-pub use front::{Cost, Front, FrontMethod, FrontObjective, FrontPoint, LeastArea, LeastCharge, Pareto, hypervolume};
+pub use front::{
+    Cost, Front, FrontMethod, FrontObjective, FrontPoint, LeastArea, LeastCharge, OtherObjective, Pareto, hypervolume,
+    hypervolume_of,
+};
 pub use genome::{Genome, UNITS};
 pub use intuitive::Intuitive;
 pub use local_search::{LocalOptimum, SearchProblem, SearchStep, StartError};

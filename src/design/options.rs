@@ -3,6 +3,7 @@
 use serde_json::json;
 
 use super::evolve::EvolveOptions;
+use super::front::Pareto;
 use super::genome::UNITS;
 use super::objective::AREA_PENALTY;
 use deaflow_base::{Canonical, Decimal, Declared, Fields, InputError, Length, Map, Seed, parameters, words};
@@ -84,8 +85,11 @@ const ADJOINT: [&str; 1] = ["starts"];
 /// Keys without effect for a front, which has one design for each area.
 const SINGLE: [&str; 3] = ["designs", "distance", "area_tolerance"];
 
-/// The key of a front. Its search is along the gradient, also without `method`.
+/// The key of a front. Its search is along the gradient, also without `method`, or by a genetic algorithm.
 const FRONT: &str = "objectives";
+
+/// Keys of the genetic algorithm without effect for that of a front.
+const OF_ONE_OBJECTIVE: [&str; 5] = ["area_penalty", "judged", "elite", "stagnation", "refine"];
 
 fn rules(fields: Fields) -> Fields {
     let is_adjoint = json!({ "required": ["method"], "properties": { "method": { "const": "adjoint" } } });
@@ -94,31 +98,48 @@ fn rules(fields: Fields) -> Fields {
         json!({ "not": { "anyOf": each } })
     };
     let is_front = json!({ "required": [FRONT] });
-    let along_gradient = json!({ "anyOf": [is_adjoint, is_front] });
-    let method = json!({ "properties": { "method": { "const": "adjoint" } } });
+    let is_genetic = json!({ "allOf": [is_front, Pareto::is_genetic_schema()] });
+    let along_gradient = json!({ "anyOf": [is_adjoint, { "allOf": [is_front, { "not": is_genetic }] }] });
+    let method = |name: &str| json!({ "properties": { "method": { "const": name } } });
+    let of_front = json!({ "if": is_genetic,
+        "then": { "allOf": [absent(&OF_ONE_OBJECTIVE), method("ga")] }, "else": method("adjoint") });
     fields
         .rule(json!({ "properties": { "units": { "enum": [UNITS, CELLS] } } }))
         .rule(json!({ "if": along_gradient, "then": absent(&GENETIC), "else": absent(&ADJOINT) }))
-        .rule(json!({ "if": is_front, "then": { "allOf": [absent(&SINGLE), method] } }))
+        .rule(json!({ "if": is_front, "then": { "allOf": [absent(&SINGLE), of_front] } }))
 }
 
 impl SearchOptions {
     /// Refuses keys that have no effect with the method.
     fn check(&self, map: &Map<'_>) -> Result<(), InputError> {
         let is_front = map.optional(FRONT).is_some();
-        if is_front && let Some(node) = map.optional("method").filter(|_| self.method == Method::Ga) {
-            return Err(node
-                .error("`method: ga` cannot search a front of two objectives")
-                .help("remove it: fronts are searched along the gradient"));
+        let is_genetic = is_front && Pareto::is_genetic(map);
+        let method = match (is_front, is_genetic) {
+            (false, _) => self.method,
+            (true, false) => Method::Adjoint,
+            (true, true) => Method::Ga,
+        };
+        if let Some(node) = map.optional("method").filter(|_| self.method != method) {
+            let (message, help) = match is_genetic {
+                false => (
+                    "`method: ga` cannot search a front by ε-constraints",
+                    "remove it, or use `pareto: { method: nsga2 }`",
+                ),
+                true => (
+                    "`method: adjoint` cannot search a front by a genetic algorithm",
+                    "remove it, or use `pareto: { method: epsilon }`",
+                ),
+            };
+            return Err(node.error(message).help(help));
         }
-        if let Some((key, node)) = SINGLE.iter().find_map(|key| Some((key, map.optional(key)?)))
+        let without_effect = [&SINGLE[..], if is_genetic { &OF_ONE_OBJECTIVE } else { &[] }].concat();
+        if let Some((key, node)) = without_effect.iter().find_map(|key| Some((key, map.optional(key)?)))
             && is_front
         {
             return Err(node
                 .error(format!("`{key}` has no effect with `{FRONT}`"))
                 .help("remove it"));
         }
-        let method = if is_front { Method::Adjoint } else { self.method };
         let foreign: &[&str] = match method {
             Method::Ga => &ADJOINT,
             Method::Adjoint => &GENETIC,
@@ -136,13 +157,22 @@ impl SearchOptions {
         }
     }
 
-    /// The options of the search of a front.
+    /// The options of the search of a front: along the gradient, or by a genetic algorithm.
     #[must_use]
-    pub fn of_front(self) -> Self {
+    pub fn of_front(self, is_genetic: bool) -> Self {
         Self {
-            method: Method::Adjoint,
+            method: if is_genetic { Method::Ga } else { Method::Adjoint },
             ..self
         }
+    }
+
+    /// Removes the values of keys without effect for the genetic algorithm of a front from those that are
+    /// [used](Self::used).
+    #[must_use]
+    pub fn used_by_genetic_front(&self) -> Vec<(&'static str, Canonical)> {
+        let mut entries = self.used();
+        entries.retain(|(key, _)| !OF_ONE_OBJECTIVE.contains(key));
+        entries
     }
 
     /// The options of the genetic algorithm.

@@ -1,6 +1,7 @@
 //! The status of a design: `met`, or the requirements that are not met. The text is part of artifact digests.
 
 use super::constraint::Constraints;
+use super::target::AT_MOST;
 use deaflow_pattern::Pattern;
 
 /// Joins the requirements that are not met.
@@ -11,17 +12,22 @@ pub(super) fn status_of(unmet: &[String]) -> String {
     }
 }
 
-/// The status of a user's own pattern for the area and the constraints of a target. `area` is a number or `free`;
+/// The status of a user's own pattern for the area and the constraints of a target. `area` is a number, `at most` a number, or `free`;
 /// margins are not checked.
 #[must_use]
 pub fn own_pattern_status(pattern: &Pattern, area: &str, constraints: &Constraints) -> String {
     let mut unmet = Vec::new();
     let found = constraints.area_fraction(pattern);
     let tolerance = 0.5 / constraints.free_count() as f64;
-    if area
-        .parse::<f64>()
-        .is_ok_and(|wanted| (wanted - found).abs() > tolerance)
-    {
+    let is_met = match area.strip_prefix(AT_MOST) {
+        Some(largest) => largest
+            .parse::<f64>()
+            .map_or(true, |largest| found <= largest + tolerance),
+        None => area
+            .parse::<f64>()
+            .map_or(true, |wanted| (wanted - found).abs() <= tolerance),
+    };
+    if !is_met {
         unmet.push(format!("area {found:.4}, wanted {area}"));
     }
     unmet.extend(constraints.violations(pattern).lines());

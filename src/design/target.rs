@@ -5,7 +5,7 @@ use std::fmt;
 
 use serde_json::json;
 
-use super::front::{Front, FrontObjective, Pareto};
+use super::front::{Cost, Front, FrontMethod, FrontObjective, OtherObjective, Pareto};
 use super::objective::{Goal, GoalError, Masks, Objective};
 use deaflow_base::{
     Canonical, Decimal, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, is_plain_name,
@@ -19,9 +19,24 @@ pub const SINGLE_NAME: &str = "design";
 /// Maximum length of a name; file names contain it.
 const MAX_LENGTH: usize = 60;
 
-/// A target area fraction; `None` if the area is free.
+/// The target area of electrodes, a share of the free membrane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Area(pub Option<Decimal>);
+pub enum Area {
+    /// Any area.
+    Free,
+    /// This area, within a tolerance.
+    Near(Decimal),
+    /// This area or less.
+    AtMost(Decimal),
+}
+
+parameters! {
+    /// A largest area.
+    struct LargestArea as "the area" {
+        /// Largest area of the electrodes, a share of the free membrane, such as 0.3 or `30 %`.
+        at_most: Decimal [0.0..=1.0],
+    }
+}
 
 /// A name that can be part of a file name.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,7 +53,8 @@ parameters! {
         name: Name,
         /// The objective of the design.
         objective: Objective,
-        /// Target area of the electrodes, a share of the free membrane, such as 0.5 or `50 %`; or `free`.
+        /// Target area of the electrodes, a share of the free membrane, such as 0.5 or `50 %`; `{ at_most: 50 % }`; or
+        /// `free`.
         area: Option<Area>,
     }
 }
@@ -50,12 +66,13 @@ parameters! {
         objective: Option<Objective>,
         /// Several targets with unique names, in place of `objective`.
         targets: Option<Vec<NamedTarget>> [((), 1..=10_000)],
-        /// Two objectives, in place of `objective`: that of a design, and its area or charge. The designs are those of
-        /// a front, each the best for its area or charge.
-        objectives: Option<Vec<FrontObjective>> [((), 2..=2)],
-        /// The points of the front of two `objectives`.
+        /// Two or three objectives, in place of `objective`: those of designs, and their area or charge. The designs
+        /// are those of a front, of which no other one is better in all objectives.
+        objectives: Option<Vec<FrontObjective>> [((), 2..=3)],
+        /// The points of the front of several `objectives`.
         pareto: Option<Pareto>,
-        /// Target area of the electrodes, a share of the free membrane, such as 0.5 or `50 %`; or `free`.
+        /// Target area of the electrodes, a share of the free membrane, such as 0.5 or `50 %`; `{ at_most: 50 % }`; or
+        /// `free`.
         area: Area = 0.5,
     }
     rules(objective_or_targets)
@@ -93,7 +110,7 @@ impl Targets {
         }
         if let Some(node) = map.optional("pareto") {
             return Err(node
-                .error("`pareto` needs two `objectives`")
+                .error("`pareto` needs several `objectives`")
                 .help("replace `objective` by `objectives: [{ point, direction }, { area: least }]`"));
         }
         match (map.optional("objective"), map.optional("targets")) {
@@ -115,7 +132,7 @@ impl Targets {
         }
     }
 
-    /// Checks two objectives, in place of one or of several targets.
+    /// Checks several objectives of a front, in place of one or of several targets.
     fn check_front(&self, map: &Map<'_>, node: &Node) -> Result<(), InputError> {
         if let Some(key) = ["objective", "targets", "area"]
             .into_iter()
@@ -129,12 +146,40 @@ impl Targets {
                 .error(format!("`{key}` cannot be used with `objectives`: {why}"))
                 .help(format!("remove `{key}`")));
         }
-        match self.front() {
-            Some(_) => Ok(()),
-            None => Err(node
-                .error("a front needs the objective of a design, and `area: least` or `charge: least`")
-                .help("for example `objectives: [{ point: [25 mm, 25 mm], direction: 0 deg }, { area: least }]`")),
+        let objectives = self.objectives.as_deref().unwrap_or_default();
+        let is_cost = |one: &&FrontObjective| matches!(one, FrontObjective::Cost(_));
+        let (costs, example) = (
+            objectives.iter().filter(is_cost).count(),
+            "for example `objectives: [{ point: [25 mm, 25 mm], direction: 0 deg }, { area: least }]`",
+        );
+        if costs == objectives.len() {
+            let message = "a front needs the objective of a design, and `area: least` or `charge: least`";
+            return Err(node.error(message).help(example));
         }
+        let is_charge = objectives.iter().filter_map(FrontObjective::cost).map(Cost::is_charge);
+        let is_charge: Vec<bool> = is_charge.collect();
+        if is_charge.len() > 1 && is_charge[0] == is_charge[1] {
+            let message = "two objectives of a front are the same";
+            return Err(node.error(message).help("remove one of them"));
+        }
+        match self.front_method() {
+            FrontMethod::Epsilon if (costs, objectives.len()) != (1, 2) => Err(node
+                .error("`method: epsilon` needs the objective of a design, and `area: least` or `charge: least`")
+                .help(format!(
+                    "use `pareto: {{ method: nsga2 }}`, or two objectives: {example}"
+                ))),
+            _ => Ok(()),
+        }
+    }
+
+    fn front_method(&self) -> FrontMethod {
+        self.pareto.as_ref().map_or_else(Pareto::usual, Clone::clone).method
+    }
+
+    /// Whether they are those of a front that the genetic algorithm searches.
+    #[must_use]
+    pub fn is_genetic_front(&self) -> bool {
+        self.is_front() && self.front_method() == FrontMethod::Nsga2
     }
 
     /// Whether they are those of a front.
@@ -143,9 +188,50 @@ impl Targets {
         self.objectives.is_some()
     }
 
-    /// The front of two objectives, and the first one; `None` with one objective or several targets.
-    pub(super) fn front(&self) -> Option<(Objective, Front)> {
-        Front::of(self.objectives.as_deref()?, self.pareto.as_ref())
+    /// The front in a scene; `None` with one objective or several targets. Its first objective is that of the only
+    /// [target](Self::in_scene).
+    ///
+    /// # Errors
+    /// As [`Self::in_scene`], or if the objectives cannot be those of one front.
+    pub fn front(&self, map: &Map<'_>, scene: &Scene, penalty: f64) -> Result<Option<Front>, InputError> {
+        let Some(objectives) = &self.objectives else {
+            return Ok(None);
+        };
+        let nodes = map
+            .optional("objectives")
+            .map_or(Ok(&[][..]), |list| list.list("objectives"))?;
+        let mut first = None::<&Objective>;
+        let mut others = Vec::new();
+        for (one, node) in objectives.iter().zip(nodes) {
+            match (one, first) {
+                (FrontObjective::Cost(cost), _) => others.push(OtherObjective::Cost(cost.clone())),
+                (FrontObjective::Value(objective), None) => first = Some(objective),
+                (FrontObjective::Value(objective), Some(first)) => {
+                    if objective.response() != first.response() {
+                        let message = "the objectives of a front have different times or frequencies";
+                        return Err(node
+                            .error(message)
+                            .help("use the same `time` or `frequency` in all of them"));
+                    }
+                    if objective.is_reaction() != first.is_reaction() {
+                        let message = "some objectives are reactions, in mN, and others motions, in mm";
+                        return Err(node.error(message).help("design them in two stages"));
+                    }
+                    let placed = placed(Front::NAME, objective.clone(), Area::Free, Some(node), (scene, penalty))?;
+                    others.push(OtherObjective::Value(objective.clone(), Box::new(placed.goal)));
+                }
+            }
+        }
+        let robust = nodes.iter().find(|node| node.peek("robust").is_some());
+        if let Some(node) = robust
+            && self.is_genetic_front()
+        {
+            return Err(node
+                .error("`robust` cannot be used with `method: nsga2`")
+                .help("use `method: epsilon`, or remove `robust`"));
+        }
+        let pareto = self.pareto.clone().unwrap_or_else(Pareto::usual);
+        Ok(Some(Front { others, pareto }))
     }
 
     /// Takes standard deviations of masks that are not given from the tolerances of a scene.
@@ -174,42 +260,19 @@ impl Targets {
     /// # Errors
     /// If an objective is invalid in the scene.
     pub fn in_scene(self, map: &Map<'_>, scene: &Scene, penalty: f64) -> Result<Vec<Target>, InputError> {
-        let target = |name: String, objective: Objective, area: Area, node: Option<&Node>| {
-            let located = |error: GoalError| match (node, &error) {
-                // `--set` may have set the point alone.
-                (Some(node), GoalError::Point { .. }) => node.peek("point").unwrap_or(node).error(error.to_string()),
-                (Some(node), GoalError::Masks(_)) => node
-                    .peek("robust")
-                    .unwrap_or(node)
-                    .error(error.to_string())
-                    .help("for example `robust: { worst: [-0.3 mm, 0 mm, 0.3 mm] }`"),
-                (Some(node), _) => node.error(error.to_string()),
-                (None, _) => InputError::new(error.to_string()),
-            };
-            let goal = objective.goal(scene, area.fraction(), penalty).map_err(located)?;
-            let masks = objective.masks(scene.membrane()).map_err(located)?;
-            Ok(Target {
-                name,
-                objective,
-                area,
-                goal: match &masks {
-                    Some(masks) => goal.with_masks(masks.offsets.len(), masks.criterion),
-                    None => goal,
-                },
-                masks,
-            })
-        };
+        let within = (scene, penalty);
         if let Some(objective) = self.objective {
             let node = map.optional("objective");
-            return Ok(vec![target(SINGLE_NAME.to_owned(), objective, self.area, node)?]);
+            return Ok(vec![placed(SINGLE_NAME, objective, self.area, node, within)?]);
         }
-        if let Some((objective, _)) = self.front() {
+        let first = self.objectives.into_iter().flatten().find_map(FrontObjective::value);
+        if let Some(objective) = first {
             let items = map.optional("objectives").and_then(|list| list.list("objectives").ok());
             let node = items
                 .unwrap_or_default()
                 .iter()
                 .find(|item| !FrontObjective::is_cost(item));
-            return Ok(vec![target(Front::NAME.to_owned(), objective, Area(None), node)?]);
+            return Ok(vec![placed(Front::NAME, objective, Area::Free, node, within)?]);
         }
         let items = map
             .optional("targets")
@@ -218,10 +281,44 @@ impl Targets {
         targets
             .map(|(one, item)| {
                 let area = one.area.unwrap_or(self.area);
-                target(one.name.0, one.objective, area, item.peek("objective"))
+                placed(&one.name.0, one.objective, area, item.peek("objective"), within)
             })
             .collect()
     }
+}
+
+/// A target in a scene. `penalty` is the weight of the area in the fitness, `node` the source of the objective.
+fn placed(
+    name: &str,
+    objective: Objective,
+    area: Area,
+    node: Option<&Node>,
+    (scene, penalty): (&Scene, f64),
+) -> Result<Target, InputError> {
+    let located = |error: GoalError| match (node, &error) {
+        // `--set` may have set the point alone.
+        (Some(node), GoalError::Point { .. }) => node.peek("point").unwrap_or(node).error(error.to_string()),
+        (Some(node), GoalError::Masks(_)) => node
+            .peek("robust")
+            .unwrap_or(node)
+            .error(error.to_string())
+            .help("for example `robust: { worst: [-0.3 mm, 0 mm, 0.3 mm] }`"),
+        (Some(node), _) => node.error(error.to_string()),
+        (None, _) => InputError::new(error.to_string()),
+    };
+    let goal = objective.goal(scene, area.fraction(), penalty).map_err(located)?;
+    let goal = goal.with_largest_area(matches!(area, Area::AtMost(_)));
+    let masks = objective.masks(scene.membrane()).map_err(located)?;
+    Ok(Target {
+        name: name.to_owned(),
+        objective,
+        area,
+        goal: match &masks {
+            Some(masks) => goal.with_masks(masks.offsets.len(), masks.criterion),
+            None => goal,
+        },
+        masks,
+    })
 }
 
 impl Target {
@@ -238,18 +335,25 @@ impl Target {
 }
 
 impl Area {
-    /// The fraction as a number.
+    /// The fraction as a number: that of the target, or the largest one.
     #[must_use]
     pub fn fraction(self) -> Option<f64> {
-        self.0.map(Decimal::to_f64)
+        match self {
+            Self::Free => None,
+            Self::Near(area) | Self::AtMost(area) => Some(area.to_f64()),
+        }
     }
 }
 
+/// What stands before a largest area in files.
+pub(super) const AT_MOST: &str = "at most ";
+
 impl fmt::Display for Area {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0 {
-            Some(area) => area.fmt(f),
-            None => f.write_str("free"),
+        match self {
+            Self::Free => f.write_str("free"),
+            Self::Near(area) => area.fmt(f),
+            Self::AtMost(area) => write!(f, "{AT_MOST}{area}"),
         }
     }
 }
@@ -260,17 +364,21 @@ impl Parameter for Area {
 
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
         if node.is_text("free") {
-            return Ok(Self(None));
+            return Ok(Self::Free);
+        }
+        if matches!(node.value(), NodeValue::Map(_)) {
+            return LargestArea::read_with(node, &[]).map(|largest| Self::AtMost(largest.at_most));
         }
         let area = Decimal::read(node, key, &(0.0..=1.0));
-        area.map(|area| Self(Some(area))).map_err(|_| {
+        area.map(Self::Near).map_err(|_| {
             let number: Option<f64> = node.found().parse().ok();
             let why = match node.percentage().map_or(number, |share| Some(share.to_f64())) {
                 Some(area) if area > 1.0 => ", more than the membrane",
                 Some(_) => ", a negative area",
                 None => "",
             };
-            let allowed = "allowed: a share of the free membrane from 0 to 1, a percentage such as `50 %`, or `free`";
+            let allowed = "allowed: a share of the free membrane from 0 to 1, a percentage such as `50 %`, `{ at_most: \
+                           50 % }`, or `free`";
             let help = match number {
                 Some(area) if area > 1.0 && area <= 100.0 => format!("did you mean `{area} %`? {allowed}"),
                 _ => allowed.to_owned(),
@@ -280,15 +388,24 @@ impl Parameter for Area {
     }
 
     fn canonical(&self) -> Option<Canonical> {
-        Some(self.0.map_or(Canonical::from("free"), Canonical::from))
+        Some(match self {
+            Self::Free => Canonical::from("free"),
+            Self::Near(area) => Canonical::from(*area),
+            Self::AtMost(area) => Canonical::map([("at_most", Canonical::from(*area))]),
+        })
     }
 
     fn schema((): &()) -> Schema {
-        Schema::any_of([Schema::number(0.0, 1.0), Schema::percentage(), Schema::word(&["free"])])
+        Schema::any_of([
+            Schema::number(0.0, 1.0),
+            Schema::percentage(),
+            Schema::word(&["free"]),
+            LargestArea::schema(&()),
+        ])
     }
 
     fn literal(literal: f64) -> Self {
-        Self(Decimal::from_f64(literal))
+        Decimal::from_f64(literal).map_or(Self::Free, Self::Near)
     }
 }
 
@@ -364,7 +481,13 @@ mod tests {
 
     #[test]
     fn percentages_are_area_fractions() {
-        for (text, same) in [("50 %", "0.5"), ("12.5%", "0.125"), ("100 %", "1"), ("\"0 %\"", "0")] {
+        for (text, same) in [
+            ("50 %", "0.5"),
+            ("12.5%", "0.125"),
+            ("100 %", "1"),
+            ("\"0 %\"", "0"),
+            ("{ at_most: 30 % }", "{ at_most: 0.3 }"),
+        ] {
             assert_eq!(area(text).unwrap(), area(same).unwrap(), "{text}");
             assert_eq!(
                 area(text).unwrap().canonical(),
@@ -372,7 +495,16 @@ mod tests {
                 "{text}"
             );
         }
-        for text in ["101 %", "-1 %", "\"%\"", "half %", "50 % %", "1.01"] {
+        for text in [
+            "101 %",
+            "-1 %",
+            "\"%\"",
+            "half %",
+            "50 % %",
+            "1.01",
+            "{ at_most: 101 % }",
+            "{ most: 0.3 }",
+        ] {
             assert!(area(text).is_err(), "{text}");
         }
     }

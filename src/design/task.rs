@@ -5,7 +5,7 @@ use super::front::Front;
 use super::objective::{ResponseKind, Subject};
 use super::options::{Method, SearchOptions};
 use super::planned::PlannedDesign;
-use super::target::{CaseLabel, Target, Targets};
+use super::target::{Area, CaseLabel, Target, Targets};
 use deaflow_base::{InputError, Map, Node};
 use deaflow_pattern::Part;
 use deaflow_scene::Scene;
@@ -17,7 +17,7 @@ pub struct DesignTask {
     pub targets: Vec<Target>,
     /// The constraints.
     pub constraints: ConstraintParameters,
-    /// The front of the target, if the stage has two objectives.
+    /// The front of the target, if the stage has several objectives.
     pub front: Option<Front>,
 }
 
@@ -36,8 +36,9 @@ impl DesignTask {
             Some(node) => read_constraints(node, scene)?,
             None => ConstraintParameters::none_in(scene).map_err(|e| stage.error(e.to_string()))?,
         };
-        let front = targets.front().map(|(_, front)| front);
-        let targets = targets.in_scene(map, scene, options.area_penalty.to_f64())?;
+        let penalty = options.area_penalty.to_f64();
+        let front = targets.front(map, scene, penalty)?;
+        let targets = targets.in_scene(map, scene, penalty)?;
         let forces = targets.iter().filter(|target| target.objective.is_reaction()).count();
         if forces > 0 && forces < targets.len() {
             let message = "some targets are reactions, in mN, and others motions, in mm";
@@ -92,8 +93,14 @@ impl DesignTask {
         }
         let node = map.optional("area").or(map.optional("constraints")).unwrap_or(stage);
         let tolerance = options.area_tolerance.to_f64();
-        let mut areas = self.targets.iter().filter_map(|target| target.area.fraction());
-        areas.try_for_each(|area| self.constraints.check_area(node, area, tolerance))?;
+        self.targets.iter().try_for_each(|target| match target.area {
+            Area::Free => Ok(()),
+            Area::Near(area) => self.constraints.check_area(node, area.to_f64(), tolerance),
+            Area::AtMost(largest) => {
+                let possible = self.constraints.constraints().largest_area();
+                self.constraints.check_area(node, largest.to_f64().min(possible), 0.0)
+            }
+        })?;
         self.check_distance(
             options,
             map.optional("distance").or(map.optional("designs")).unwrap_or(stage),
@@ -113,8 +120,8 @@ impl DesignTask {
             // Cells without electrodes in both patterns do not differ, and with one group neither do those with
             // electrodes in both.
             let active = 2.0 * (area + tolerance);
-            let largest = match constraints.groups() {
-                1 => active.min(2.0 * (1.0 - area + tolerance)),
+            let largest = match (constraints.groups(), target.area) {
+                (1, Area::Near(_)) => active.min(2.0 * (1.0 - area + tolerance)),
                 _ => active,
             };
             let largest = share * largest.min(1.0);

@@ -1,6 +1,6 @@
 //! A device with an exact solution for the tests of this crate.
 
-use deaflow_field::{CORNERS, Differentiable, Field, PredictError, Predictor, WithGradient};
+use deaflow_field::{CORNERS, Differentiable, Evaluator, Field, PredictError, Predictor, WithGradient};
 use deaflow_pattern::{CELLS, Pattern, Raster};
 
 /// A device of which all points move along x by Σ worth · load + ½ bend (Σ spread · load)² mm, summed over the active
@@ -82,6 +82,12 @@ impl TestDevice {
 impl Predictor for TestDevice {
     fn predict_some(&self, patterns: &[Pattern]) -> Result<Vec<Option<Field>>, PredictError> {
         Ok(patterns.iter().map(|pattern| self.field(pattern)).collect())
+    }
+}
+
+impl Evaluator for TestDevice {
+    fn settings(&self) -> String {
+        "exact".to_owned()
     }
 }
 

@@ -21,8 +21,8 @@ use super::{drive_check, model, needed, scene};
 use deaflow_base::{Canonical, Declared, Document, Fields, InputError, Map, Node, Parameter, parameters};
 use deaflow_content::Designs;
 use deaflow_design::{
-    CaseLabel, ConstraintParameters, DesignTask, Method, Objective, PlannedDesign, ResponseKind, Search, SearchError,
-    SearchOptions, Target, Targets,
+    CaseLabel, ConstraintParameters, DesignTask, Front, FrontObjective, Method, Objective, PlannedDesign, ResponseKind,
+    Search, SearchError, SearchOptions, Target, Targets,
 };
 use deaflow_fem::effects::breakdown_ratio_at_rest;
 use deaflow_fem::{Method as Evaluation, Swing, ThreeSolves, check_covered_cells, no_pattern_limit, revision_of};
@@ -69,16 +69,16 @@ fn rules(fields: Fields) -> Fields {
         .optional("constraints", ConstraintParameters::schema())
         .rule(json!({ "if": is("evaluator", "surrogate"), "then": { "required": ["needs"] } }))
         .rule(json!({ "if": is("method", "adjoint"), "then": { "not": { "required": ["needs"] } } }))
-        .rule(json!({ "not": { "required": ["objectives", "needs"] } }))
+        .rule(json!({ "if": FrontObjective::is_within_limits(), "then": { "not": { "required": ["needs"] } } }))
 }
 
 impl DesignParameters {
-    /// Reads the parameters of a stage. The search of a front is along the gradient.
+    /// Reads the parameters of a stage. The method of a front is that of `pareto`.
     fn of_stage(map: &Map<'_>) -> Result<Self, InputError> {
         let read = Self::read_map(map)?;
         Ok(match read.targets.is_front() {
             true => Self {
-                options: read.options.of_front(),
+                options: read.options.of_front(read.targets.is_genetic_front()),
                 ..read
             },
             false => read,
@@ -94,10 +94,11 @@ impl DesignParameters {
         }
         if let Some(node) = network
             && self.targets.is_front()
+            && !self.targets.is_genetic_front()
         {
             return Err(node
-                .error("a front is searched by finite elements only; remove the network from `needs`")
-                .help("remove `needs`"));
+                .error("`method: epsilon` uses finite elements only; remove the network from `needs`")
+                .help("remove `needs`, or use `pareto: { method: nsga2 }`"));
         }
         match network.filter(|_| self.options.method == Method::Adjoint) {
             Some(node) => Err(node
@@ -151,18 +152,22 @@ impl Kind for DesignKind {
         }
         if view.front().is_there()? {
             let charges = view.front().charge().read()?;
-            let name = if charges.is_some() {
-                CHARGE_HYPERVOLUME
-            } else {
-                HYPERVOLUME
-            };
             results.extend(
                 charges
                     .iter()
                     .flat_map(|charges| of_targets(&found, &[(CHARGE, charges)])),
             );
+            let name = match view.hypervolume_unit()?.as_str() {
+                "mm" => Some(HYPERVOLUME),
+                "mm nC" => Some(CHARGE_HYPERVOLUME),
+                // Results have one unit for each name.
+                _ => None,
+            };
             let grown = view.front().hypervolume().read()?;
-            results.extend(grown.last().map(|reached| (name.to_owned(), *reached)));
+            results.extend(
+                name.zip(grown.last())
+                    .map(|(name, reached)| (name.to_owned(), *reached)),
+            );
         }
         Ok(results)
     }
@@ -233,8 +238,9 @@ impl Kind for DesignKind {
         task.check(&options, (&map, stage), &scene)?;
         check_breakdown_margin(&task, &scene, map.optional("constraints").unwrap_or(stage))?;
         check_pull_in_margin(&task, &scene, map.optional("constraints").unwrap_or(stage))?;
-        if task.front.as_ref().is_some_and(|front| front.cost.is_charge()) {
+        if task.front.as_ref().is_some_and(Front::has_charge) {
             check_charge(&task, &scene, map.optional("objectives").unwrap_or(stage))?;
+            only_by_newton((&map, networks_of(&map)), evaluator, "the charge", "minimises it")?;
         }
         for target in &task.targets {
             let node = map.optional("objective").unwrap_or(stage);
@@ -291,7 +297,7 @@ fn check_robust(task: &DesignTask, scene: &Scene, evaluator: EvaluatorChoice, ma
         let error = objective.map_or_else(|| map.error(message.clone()), |node| node.error(message.clone()));
         Err(error.help(help.to_owned()))
     };
-    if task.front.as_ref().is_some_and(|front| front.cost.is_charge()) {
+    if task.front.as_ref().is_some_and(Front::has_charge) {
         let message = "`robust` cannot be used with `charge: least`".to_owned();
         return refused(message, "use `area: least`");
     }
@@ -569,7 +575,10 @@ struct DesignStage {
 impl DesignStage {
     /// All parameters but the targets.
     fn common(&self) -> Canonical {
-        let mut entries = self.options.used();
+        let mut entries = match self.task.front {
+            Some(_) if self.options.method == Method::Ga => self.options.used_by_genetic_front(),
+            _ => self.options.used(),
+        };
         if self.evaluator != EvaluatorChoice::Auto {
             entries.retain(|(key, _)| *key != "evaluator_accuracy");
         }
@@ -611,13 +620,11 @@ impl DesignStage {
     /// The length of the progress bar of a target; the first generation has no step of its own.
     fn steps(&self) -> u64 {
         let all = self.options.steps();
-        if let Some(front) = &self.task.front {
+        match (self.options.method, &self.task.front) {
+            (Method::Ga, _) if self.options.generations > 0 => all - 1,
             // The largest limit is that of the searches from several starts.
-            return all + front.pareto.points as u64 - 1;
-        }
-        match self.options.method {
-            Method::Ga if self.options.generations > 0 => all - 1,
-            _ => all,
+            (Method::Adjoint, Some(front)) => all + front.pareto.points as u64 - 1,
+            (Method::Ga | Method::Adjoint, _) => all,
         }
     }
 
@@ -730,10 +737,15 @@ impl Stage for DesignStage {
         };
         let (method, searched) = (self.options.method.name(), format!("search; {}", target.name));
         if let Some(front) = &self.task.front {
-            let found = search.front(front).map_err(help)?;
+            let of_scene = || evaluators(self.evaluator, &scene, (response, &target.goal), networks);
+            let found = search.front(front, of_scene).map_err(help)?;
             job.measure(searched, start.elapsed().as_secs_f64());
             let searched = (self.scene.clone(), method);
-            let designs = content::front(self.heading(target), found, front.cost.is_charge(), searched);
+            let mut designs = content::front((self.heading(target), target), found, front, searched);
+            if let Some(calibrated) = calibrated {
+                let intervals = calibrated.intervals(&target.goal, &designs.rows.patterns)?;
+                designs.rows.interval = Some(intervals);
+            }
             return Ok(designs.object_in(target.goal.unit()));
         }
         let found = search.run(|| match &target.masks {

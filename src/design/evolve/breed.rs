@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::history::{History, Individual};
+use super::history::History;
 use super::search::Search;
 use crate::genome::Genome;
 use crate::operators::{cross, exchange_groups, invert, smooth};
@@ -11,36 +11,62 @@ use deaflow_base::Stream;
 impl Search<'_> {
     /// The genomes of the next generation.
     pub fn next_generation(&self, history: &History) -> Vec<Genome> {
-        let (size, population) = (self.options.population, &history.population);
+        let population = &history.population;
         let mut stream = Stream::new(self.options.seed, "generation", history.reports.len() as u64);
         let elites = population[..self.options.elites()].iter();
         let mut next: Vec<Genome> = elites.map(|individual| individual.genome.clone()).collect();
-        let mut children = Vec::with_capacity(size - next.len() + 1);
-        while next.len() + children.len() < size {
-            let (mut a, mut b) = (parent(population, &mut stream), parent(population, &mut stream));
-            if stream.chance(self.options.crossover) {
-                cross(&mut a, &mut b, &mut stream);
-            }
-            for mut child in [a, b] {
-                if stream.chance(self.options.mutation) {
-                    invert(&mut child, &mut stream);
-                }
-                // A search with one group draws no random numbers here.
-                if self.groups() > 1 && stream.chance(self.options.mutation) {
-                    exchange_groups(&mut child, self.groups(), &mut stream);
-                }
-                children.push(child);
-            }
-        }
-        let finished = |child: Genome| smooth(&child, self.groups()).within(&self.allowed);
-        next.par_extend(children.into_par_iter().map(finished));
-        next.truncate(size);
+        let breeding = Breeding {
+            crossover: self.options.crossover,
+            mutation: self.options.mutation,
+            groups: self.groups(),
+            allowed: &self.allowed,
+        };
+        let parents: Vec<&Genome> = population.iter().map(|individual| &individual.genome).collect();
+        next.extend(breeding.children(&parents, self.options.population - next.len(), &mut stream));
         next
     }
 }
 
-/// The better of two random individuals of a sorted population.
-fn parent(population: &[Individual], stream: &mut Stream) -> Genome {
-    let rank = stream.index(population.len()).min(stream.index(population.len()));
-    population[rank].genome.clone()
+/// How children are made.
+pub(super) struct Breeding<'a> {
+    /// Probability of a crossover.
+    pub crossover: f64,
+    /// Probability of a mutation.
+    pub mutation: f64,
+    /// The number of electrode groups.
+    pub groups: usize,
+    /// The units that may be on.
+    pub allowed: &'a Genome,
+}
+
+impl Breeding<'_> {
+    /// A number of children of parents, which are sorted, the best first.
+    pub fn children(&self, parents: &[&Genome], count: usize, stream: &mut Stream) -> Vec<Genome> {
+        let mut children = Vec::with_capacity(count + 1);
+        while children.len() < count {
+            let (mut a, mut b) = (parent(parents, stream), parent(parents, stream));
+            if stream.chance(self.crossover) {
+                cross(&mut a, &mut b, stream);
+            }
+            for mut child in [a, b] {
+                if stream.chance(self.mutation) {
+                    invert(&mut child, stream);
+                }
+                // A search with one group draws no random numbers here.
+                if self.groups > 1 && stream.chance(self.mutation) {
+                    exchange_groups(&mut child, self.groups, stream);
+                }
+                children.push(child);
+            }
+        }
+        children.truncate(count);
+        let finished = |child: Genome| smooth(&child, self.groups).within(self.allowed);
+        children.into_par_iter().map(finished).collect()
+    }
+}
+
+/// The better of two random individuals.
+fn parent(sorted: &[&Genome], stream: &mut Stream) -> Genome {
+    let rank = stream.index(sorted.len()).min(stream.index(sorted.len()));
+    sorted[rank].clone()
 }

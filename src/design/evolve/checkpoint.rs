@@ -23,10 +23,12 @@ pub enum CheckpointError {
     #[error("not a valid checkpoint")]
     Damaged,
     /// Written by another version.
-    #[error("the checkpoint has layout {found}, this program reads layout {VERSION}")]
+    #[error("the checkpoint has layout {found}, this program reads layout {read}")]
     Version {
         /// The layout of the checkpoint.
         found: u32,
+        /// The layout that the program reads.
+        read: u32,
     },
     /// The search had other options.
     #[error("the checkpoint belongs to a search with other options")]
@@ -143,7 +145,7 @@ impl Checkpoint {
         }
         let found = u32::from_le_bytes(*version);
         if found != VERSION {
-            return Err(CheckpointError::Version { found });
+            return Err(CheckpointError::Version { found, read: VERSION });
         }
         let (header, rows) = parts(rest).ok_or(CheckpointError::Damaged)?;
         if header.options != digest(options) || header.history.len() > options.generations + 1 {

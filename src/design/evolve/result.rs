@@ -24,6 +24,17 @@ pub struct GenerationReport {
     pub area: f64,
 }
 
+/// The report of a generation of the search of a front.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrontReport {
+    /// The number of the generation; 0 is the first one.
+    pub generation: usize,
+    /// The number of designs of which no other one is better in all objectives.
+    pub designs: usize,
+    /// The largest value of the first objective.
+    pub best: f64,
+}
+
 /// Why a search ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
@@ -96,8 +107,11 @@ pub trait Observer {
         Ok(())
     }
 
-    /// Called first if the search is resumed from a checkpoint, with the report of its last generation.
-    fn resumed(&self, _report: &GenerationReport) {}
+    /// Called after each generation of the search of a front.
+    fn front(&self, _report: &FrontReport) {}
+
+    /// Called first if the search is resumed from a checkpoint, with the number of its last generation.
+    fn resumed(&self, _generation: usize) {}
 
     /// Called if a checkpoint cannot be used; the search starts from the beginning.
     fn checkpoint_rejected(&self, _error: &CheckpointError) {}

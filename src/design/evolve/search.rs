@@ -11,8 +11,9 @@ use super::niche::order;
 use super::options::EvolveOptions;
 use super::result::Observer;
 use super::{EvolveProblem, allowed_units};
+use crate::constraint::Constraints;
 use crate::genome::Genome;
-use deaflow_field::{PredictError, StateFields};
+use deaflow_field::{Feasibility, PredictError, Predictor, StateFields};
 use deaflow_pattern::{Layers, Pattern};
 
 /// The penalty in F for any violated constraint: as much as 2.5 mm.
@@ -43,8 +44,46 @@ pub(super) struct Search<'a> {
     /// The units that may be on.
     pub allowed: Genome,
     pub cache: HashMap<Genome, CacheEntry>,
-    /// The number of patterns that are judged at once.
-    batch: usize,
+    batches: Batches,
+}
+
+/// Predicts patterns in batches, so that progress can be reported in between.
+pub(super) struct Batches {
+    /// The number of patterns in the next one.
+    size: usize,
+}
+
+impl Default for Batches {
+    fn default() -> Self {
+        Self {
+            size: MIN_BATCH * rayon::current_num_threads().next_power_of_two(),
+        }
+    }
+}
+
+impl Batches {
+    /// The fields of patterns; `on_batch` receives the number of patterns after each batch but the last.
+    pub fn predict(
+        &mut self,
+        predictor: &dyn Predictor<StateFields>,
+        patterns: &[Pattern],
+        on_batch: &dyn Fn(usize),
+    ) -> Result<Vec<Option<StateFields>>, PredictError> {
+        let mut fields = Vec::with_capacity(patterns.len());
+        let mut done = 0;
+        while done < patterns.len() {
+            let start = Instant::now();
+            let batch = &patterns[done..patterns.len().min(done + self.size)];
+            fields.extend(predictor.predict_some(batch)?);
+            done += batch.len();
+            if done < patterns.len() {
+                self.size = next_batch(self.size, start.elapsed());
+                on_batch(done);
+            }
+        }
+        check_count(fields.len(), "fields", patterns.len())?;
+        Ok(fields)
+    }
 }
 
 impl<'a> Search<'a> {
@@ -54,7 +93,7 @@ impl<'a> Search<'a> {
             options,
             allowed: allowed_units(problem.constraints),
             cache: HashMap::new(),
-            batch: MIN_BATCH * rayon::current_num_threads().next_power_of_two(),
+            batches: Batches::default(),
         }
     }
 
@@ -108,7 +147,7 @@ impl<'a> Search<'a> {
     }
 
     pub fn entry(&self, genome: &Genome) -> CacheEntry {
-        let (pattern, layers) = self.pattern(genome);
+        let (pattern, layers) = pattern_of(genome, self.problem.constraints);
         let score = self.problem.rough.map(|rough| rough.score(&pattern));
         let rough = score.map_or(f64::NAN, |score| self.fitness(&pattern, score));
         CacheEntry {
@@ -164,36 +203,10 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The pattern of a genome, repaired if there are constraints. A pattern that cannot be repaired only loses the
-    /// cells that are not allowed.
-    fn pattern(&self, genome: &Genome) -> (Pattern, Layers) {
-        let constraints = self.problem.constraints;
-        let pattern = genome.pattern(constraints.membrane().raster);
-        let layers = constraints.layers(&pattern);
-        if constraints.allow_any_pattern() {
-            return (pattern, layers);
-        }
-        let repaired = constraints.repaired_layers(&layers);
-        let layers = repaired.unwrap_or_else(|| constraints.layers(&constraints.masked(&pattern)));
-        (layers.pattern(), layers)
-    }
-
     /// Predicts and evaluates patterns in batches; `on_batch` receives the number of patterns after each batch but the
     /// last.
     fn predicted(&mut self, patterns: &[Pattern], on_batch: &dyn Fn(usize)) -> Result<Vec<Evaluation>, PredictError> {
-        let mut fields = Vec::with_capacity(patterns.len());
-        let mut judged = 0;
-        while judged < patterns.len() {
-            let start = Instant::now();
-            let batch = &patterns[judged..patterns.len().min(judged + self.batch)];
-            fields.extend(self.problem.predictor.predict_some(batch)?);
-            judged += batch.len();
-            if judged < patterns.len() {
-                self.batch = next_batch(self.batch, start.elapsed());
-                on_batch(judged);
-            }
-        }
-        check_count(fields.len(), "fields", patterns.len())?;
+        let fields = self.batches.predict(self.problem.predictor, patterns, on_batch)?;
         let goal = self.problem.goal;
         let evaluation = |(pattern, fields): (&Pattern, &Option<StateFields>)| Evaluation {
             fitness: fields
@@ -260,10 +273,28 @@ impl<'a> Search<'a> {
         let Some(feasibility) = self.problem.feasibility.filter(|_| !genomes.is_empty()) else {
             return Ok(Vec::new());
         };
-        let verdicts = feasibility.feasible(&self.patterns(genomes))?;
-        check_count(verdicts.len(), "verdicts", genomes.len())?;
-        Ok(verdicts)
+        verdicts(feasibility, &self.patterns(genomes))
     }
+}
+
+/// Whether each pattern is feasible.
+pub(super) fn verdicts(feasibility: &dyn Feasibility, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
+    let verdicts = feasibility.feasible(patterns)?;
+    check_count(verdicts.len(), "verdicts", patterns.len())?;
+    Ok(verdicts)
+}
+
+/// The pattern of a genome, repaired if there are constraints. A pattern that cannot be repaired only loses the cells
+/// that are not allowed.
+pub(super) fn pattern_of(genome: &Genome, constraints: &Constraints) -> (Pattern, Layers) {
+    let pattern = genome.pattern(constraints.membrane().raster);
+    let layers = constraints.layers(&pattern);
+    if constraints.allow_any_pattern() {
+        return (pattern, layers);
+    }
+    let repaired = constraints.repaired_layers(&layers);
+    let layers = repaired.unwrap_or_else(|| constraints.layers(&constraints.masked(&pattern)));
+    (layers.pattern(), layers)
 }
 
 /// The size of the next batch, given the size and the time of the last one.

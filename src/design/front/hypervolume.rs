@@ -36,6 +36,42 @@ pub fn hypervolume(points: &[FrontPoint], reference: FrontPoint) -> f64 {
     sum + (best - reference.value) * (reference.cost - from).max(0.0)
 }
 
+/// Returns the hypervolume of points with any number of objectives, all of which should be large.
+#[must_use]
+pub fn hypervolume_of(points: &[Vec<f64>], reference: &[f64]) -> f64 {
+    let exceeds = |point: &&Vec<f64>| point.iter().zip(reference).all(|(of_point, least)| of_point > least);
+    let mut above: Vec<&Vec<f64>> = points.iter().filter(exceeds).collect();
+    match *reference {
+        [] => 0.0,
+        [least] => above.iter().map(|point| point[0] - least).fold(0.0, f64::max),
+        [value, least] => {
+            let points: Vec<FrontPoint> = above
+                .iter()
+                .map(|point| FrontPoint {
+                    value: point[0],
+                    cost: -point[1],
+                })
+                .collect();
+            hypervolume(&points, FrontPoint { value, cost: -least })
+        }
+        [ref others @ .., least] => {
+            // Slices between the values of the last objective, each with the points that reach it.
+            let last = others.len();
+            above.sort_by(|a, b| b[last].total_cmp(&a[last]));
+            let mut within: Vec<Vec<f64>> = Vec::new();
+            let mut sum = 0.0;
+            for (at, point) in above.iter().enumerate() {
+                within.push(point[..last].to_vec());
+                let below = above.get(at + 1).map_or(least, |next| next[last]);
+                if point[last] > below {
+                    sum += (point[last] - below) * hypervolume_of(&within, others);
+                }
+            }
+            sum
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -75,5 +111,34 @@ mod tests {
         assert_eq!(hypervolume(&[], REFERENCE), 0.0);
         let [a, b] = [(0.1, 1.0), (0.2, 0.9)].map(|(cost, value)| FrontPoint { value, cost });
         assert!(a.covers(&b) && !b.covers(&a) && a.covers(&a));
+    }
+
+    #[test]
+    fn it_is_the_volume_of_the_union_of_boxes() {
+        assert_eq!(hypervolume_of(&[vec![3.0], vec![2.0]], &[0.5]), 2.5);
+        let pair = [vec![1.0, -0.2], vec![2.0, -0.4]];
+        assert!((hypervolume_of(&pair, &[0.0, -0.5]) - (0.3 + 0.1)).abs() < 1e-15);
+        // Three boxes of 2, each along an axis, share the unit cube.
+        let axes = [vec![2.0, 1.0, 1.0], vec![1.0, 2.0, 1.0], vec![1.0, 1.0, 2.0]];
+        assert!((hypervolume_of(&axes, &[0.0; 3]) - 4.0).abs() < 1e-15);
+        let more = [&axes[..], &[vec![0.5, 0.5, 1.5], vec![-1.0, 9.0, 9.0]]].concat();
+        assert!((hypervolume_of(&more, &[0.0; 3]) - 4.0).abs() < 1e-15);
+        assert_eq!(hypervolume_of(&[], &[0.0; 3]), 0.0);
+        // Against counting the points of a lattice that a box contains.
+        let side = 12_usize;
+        let of = |k: usize| {
+            (0..3)
+                .map(|axis| ((k * (7 + 5 * axis) + 3 * axis) % side) as f64 + 1.0)
+                .collect()
+        };
+        let boxes: Vec<Vec<f64>> = (0..9).map(of).collect();
+        let inside = |cell: usize| {
+            let corner = [cell % side, cell / side % side, cell / side / side];
+            boxes
+                .iter()
+                .any(|edges| (0..3).all(|axis| (corner[axis] as f64) < edges[axis]))
+        };
+        let counted = (0..side.pow(3)).filter(|cell| inside(*cell)).count() as f64;
+        assert!((hypervolume_of(&boxes, &[0.0; 3]) - counted).abs() < 1e-9);
     }
 }

@@ -1,7 +1,7 @@
-//! Fronts: the best designs for each active area or charge, in place of a single one.
+//! Fronts: designs of which no other is better in all of several objectives, in place of a single one.
 
 mod hypervolume;
 mod objectives;
 
-pub use hypervolume::{FrontPoint, hypervolume};
-pub use objectives::{Cost, Front, FrontMethod, FrontObjective, LeastArea, LeastCharge, Pareto};
+pub use hypervolume::{FrontPoint, hypervolume, hypervolume_of};
+pub use objectives::{Cost, Front, FrontMethod, FrontObjective, LeastArea, LeastCharge, OtherObjective, Pareto};

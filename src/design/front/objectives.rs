@@ -1,8 +1,8 @@
-//! The objectives of a front in YAML: that of a design, and the area or the charge that it takes.
+//! The objectives of a front in YAML: those of designs, and the area or the charge that these take.
 
 use serde_json::json;
 
-use crate::objective::Objective;
+use crate::objective::{Goal, Objective};
 use deaflow_base::{
     Canonical, Charge, Decimal, Declared, Fields, InputError, Map, Node, Parameter, Schema, parameters, words,
 };
@@ -21,6 +21,8 @@ words! {
     pub enum FrontMethod {
         /// Gradient search of the first objective at several limits of the second one (ε-constraints).
         Epsilon = "epsilon",
+        /// The genetic algorithm NSGA-II, for two or three objectives.
+        Nsga2 = "nsga2",
     }
 }
 
@@ -55,14 +57,15 @@ parameters! {
 parameters! {
     /// The points of a front.
     pub struct Pareto as "`pareto`" {
-        /// Number of points, at equal steps of the second objective.
+        /// Number of points: at equal steps of the second objective, or the most different ones of the genetic
+        /// algorithm.
         pub points: usize [2..=1000] = 9,
         /// Search method.
         pub method: FrontMethod = FrontMethod::Epsilon,
     }
 }
 
-/// One of two objectives of a front.
+/// One of the objectives of a front.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum FrontObjective {
     /// That of a design.
@@ -80,11 +83,20 @@ pub enum Cost {
     Charge(LeastCharge),
 }
 
+/// An objective of a front besides the first one, in a scene.
+#[derive(Clone, Debug)]
+pub enum OtherObjective {
+    /// That of a design.
+    Value(Objective, Box<Goal>),
+    /// What a design takes.
+    Cost(Cost),
+}
+
 /// What is searched besides the first objective, which is that of a target.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub struct Front {
-    /// The second objective.
-    pub cost: Cost,
+    /// The other objectives: one cost for ε-constraints.
+    pub others: Vec<OtherObjective>,
     /// The points.
     pub pareto: Pareto,
 }
@@ -117,24 +129,52 @@ fn in_nano(charge: Charge) -> f64 {
 }
 
 impl FrontObjective {
-    /// The keys of what designs take.
-    const COSTS: [&str; 2] = ["area", "charge"];
+    /// What designs take; `None` for the objective of a design.
+    pub(crate) fn cost(&self) -> Option<&Cost> {
+        match self {
+            Self::Value(_) => None,
+            Self::Cost(cost) => Some(cost),
+        }
+    }
+
+    /// The objective of a design; `None` for what designs take.
+    pub(crate) fn value(self) -> Option<Objective> {
+        match self {
+            Self::Value(objective) => Some(objective),
+            Self::Cost(_) => None,
+        }
+    }
 
     /// Whether a mapping is that of what designs take.
     pub(crate) fn is_cost(node: &Node) -> bool {
-        Self::COSTS.iter().any(|key| node.peek(key).is_some())
+        Cost::KEYS.iter().any(|key| node.peek(key).is_some())
     }
 
-    /// Adds that one of two objectives is what designs take to the schema of a stage.
+    /// Whether a stage searches a front by ε-constraints, as a JSON schema.
+    #[must_use]
+    pub fn is_within_limits() -> serde_json::Value {
+        json!({ "required": ["objectives"], "not": Pareto::is_genetic_schema() })
+    }
+
+    /// Adds to the schema of a stage which objectives a method searches.
     pub(crate) fn rules(fields: Fields) -> Fields {
-        let costs = Self::COSTS.map(|key| json!({ "required": [key] }));
+        let costs = Cost::KEYS.map(|key| json!({ "required": [key] }));
+        let once = costs
+            .clone()
+            .map(|cost| json!({ "contains": cost, "minContains": 0, "maxContains": 1 }));
         let cost = json!({ "anyOf": costs });
-        let both = json!([{ "contains": cost }, { "contains": { "not": cost } }]);
-        fields.rule(json!({ "properties": { "objectives": { "allOf": both } } }))
+        let value = json!({ "contains": { "not": cost } });
+        let both = json!({ "allOf": [{ "contains": cost }, value], "maxItems": 2 });
+        fields
+            .rule(json!({ "properties": { "objectives": { "allOf": [value, once[0], once[1]] } } }))
+            .rule(json!({ "if": Pareto::is_genetic_schema(), "else": { "properties": { "objectives": both } } }))
     }
 }
 
 impl Cost {
+    /// The key of each.
+    const KEYS: [&str; 2] = ["area", "charge"];
+
     /// The smallest and the largest limit, if they are given: a share of the free membrane, or nC.
     #[must_use]
     pub fn within(&self) -> Option<[f64; 2]> {
@@ -144,7 +184,7 @@ impl Cost {
         }
     }
 
-    fn reference(&self) -> Option<f64> {
+    fn given_reference(&self) -> Option<f64> {
         match self {
             Self::Area(area) => area.reference.map(Decimal::to_f64),
             Self::Charge(charge) => charge.reference.map(in_nano),
@@ -155,6 +195,13 @@ impl Cost {
     #[must_use]
     pub fn is_charge(&self) -> bool {
         matches!(self, Self::Charge(_))
+    }
+
+    /// The cost in YAML on one line, without limits and reference.
+    #[must_use]
+    pub fn to_text(&self) -> String {
+        let key = Self::KEYS[usize::from(self.is_charge())];
+        format!("{{ {key}: {} }}", Least::Least.name())
     }
 
     /// The unit of limits.
@@ -182,7 +229,7 @@ impl Parameter for FrontObjective {
     type Literal = Self;
 
     fn read(node: &Node, _key: &str, (): &()) -> Result<Self, InputError> {
-        let [area, charge] = Self::COSTS.map(|key| node.peek(key).is_some());
+        let [area, charge] = Cost::KEYS.map(|key| node.peek(key).is_some());
         match (area, charge) {
             (true, _) => LeastArea::read_with(node, &[]).map(|area| Self::Cost(Cost::Area(area))),
             (false, true) => LeastCharge::read_with(node, &[]).map(|charge| Self::Cost(Cost::Charge(charge))),
@@ -216,55 +263,87 @@ impl Front {
         format!("{}-{}", Self::NAME, at + 1)
     }
 
-    /// The front of two objectives with the first one; `None` unless exactly one is what designs take.
-    pub(crate) fn of(objectives: &[FrontObjective], pareto: Option<&Pareto>) -> Option<(Objective, Self)> {
-        let (objective, cost) = match objectives {
-            [FrontObjective::Value(objective), FrontObjective::Cost(cost)]
-            | [FrontObjective::Cost(cost), FrontObjective::Value(objective)] => (objective, cost),
-            _ => return None,
-        };
-        let pareto = pareto.cloned().unwrap_or_else(Pareto::usual);
-        let cost = cost.clone();
-        Some((objective.clone(), Self { cost, pareto }))
-    }
-
     /// The canonical value.
     #[must_use]
     pub fn canonical(&self) -> Canonical {
-        let entries = [("second", self.cost.canonical()), ("pareto", self.pareto.canonical())];
+        let mut entries: Vec<_> = match &self.others[..] {
+            [OtherObjective::Cost(cost)] => vec![("second", cost.canonical())],
+            several => {
+                let several = several.iter().filter_map(OtherObjective::canonical);
+                vec![("others", Some(Canonical::List(several.collect())))]
+            }
+        };
+        entries.push(("pareto", self.pareto.canonical()));
         Canonical::map(entries.into_iter().filter_map(|(key, value)| Some((key, value?))))
     }
 
-    /// The limits of the second objective by their number, for a largest one; ascending. Those in between are rounded.
+    /// What designs take, if that is one of the other objectives.
+    pub fn costs(&self) -> impl Iterator<Item = &Cost> {
+        self.others.iter().filter_map(|other| match other {
+            OtherObjective::Cost(cost) => Some(cost),
+            OtherObjective::Value(..) => None,
+        })
+    }
+
+    /// Whether fields need to have the charge.
     #[must_use]
-    pub fn limits(&self, largest: f64) -> Vec<f64> {
-        let points = self.pareto.points;
-        let [low, high] = self.cost.within().unwrap_or([largest / points as f64, largest]);
+    pub fn has_charge(&self) -> bool {
+        self.costs().any(Cost::is_charge)
+    }
+}
+
+impl Cost {
+    /// A number of limits for a largest one; ascending. Those in between are rounded.
+    #[must_use]
+    pub fn limits(&self, points: usize, largest: f64) -> Vec<f64> {
+        let [low, high] = self.within().unwrap_or([largest / points as f64, largest]);
         let limit = |at: usize| match at {
             0 => low,
             at if at + 1 == points => high,
             at => {
                 let step = (high - low) / (points - 1) as f64;
-                self.cost.rounded(low + step * at as f64)
+                self.rounded(low + step * at as f64)
             }
         };
         (0..points).map(limit).collect()
     }
 
-    /// The second objective of the reference of the hypervolume, given the largest limit.
+    /// The reference of the hypervolume, given the largest limit.
     #[must_use]
     pub fn reference(&self, largest: f64) -> f64 {
-        self.cost.reference().unwrap_or(largest)
+        self.given_reference().unwrap_or(largest)
+    }
+}
+
+impl OtherObjective {
+    fn canonical(&self) -> Option<Canonical> {
+        match self {
+            Self::Value(objective, _) => objective.canonical(),
+            Self::Cost(cost) => cost.canonical(),
+        }
     }
 }
 
 impl Pareto {
     /// Nine points by ε-constraints, the defaults of the keys.
-    fn usual() -> Self {
+    pub(crate) fn usual() -> Self {
         Self {
             points: 9,
             method: FrontMethod::Epsilon,
         }
+    }
+
+    /// Whether a stage searches a front by the genetic algorithm.
+    pub(crate) fn is_genetic(stage: &Map<'_>) -> bool {
+        let method = stage.optional("pareto").and_then(|pareto| pareto.peek("method"));
+        method.is_some_and(|method| method.is_text(FrontMethod::Nsga2.name()))
+    }
+
+    /// The same as a JSON schema of the stage.
+    pub(crate) fn is_genetic_schema() -> serde_json::Value {
+        let method =
+            json!({ "required": ["method"], "properties": { "method": { "const": FrontMethod::Nsga2.name() } } });
+        json!({ "required": ["pareto"], "properties": { "pareto": method } })
     }
 }
 
@@ -275,35 +354,32 @@ mod tests {
     use super::*;
     use deaflow_base::Document;
 
-    fn front(pareto: &str, cost: &str) -> Front {
-        let read = |text: &str| Document::from_text(Path::new("f"), text).unwrap().root;
-        Front {
-            pareto: Pareto::read_with(&read(pareto), &[]).unwrap(),
-            cost: match FrontObjective::read(&read(cost), "objectives", &()).unwrap() {
-                FrontObjective::Cost(cost) => cost,
-                FrontObjective::Value(_) => panic!("{cost}"),
-            },
+    fn node(text: &str) -> Node {
+        Document::from_text(Path::new("f"), text).unwrap().root
+    }
+
+    fn cost(text: &str) -> Cost {
+        match FrontObjective::read(&node(text), "objectives", &()).unwrap() {
+            FrontObjective::Cost(cost) => cost,
+            FrontObjective::Value(_) => panic!("{text}"),
         }
     }
 
     #[test]
     fn limits_are_at_equal_steps() {
-        let of = front("{ points: 9 }", "{ area: least }");
-        let limits = of.limits(0.36);
+        let of = cost("{ area: least }");
+        let limits = of.limits(9, 0.36);
         for (k, limit) in (1..).zip(&limits) {
             assert!((limit - 0.04 * f64::from(k)).abs() < 1e-15, "{limits:?}");
         }
         assert_eq!(of.reference(0.36), 0.36);
-        let given = front("{ points: 3 }", "{ area: least, within: [10 %, 0.2], reference: 0.5 }");
-        assert_eq!(given.limits(0.7), [0.1, 0.15, 0.2]);
+        let given = cost("{ area: least, within: [10 %, 0.2], reference: 0.5 }");
+        assert_eq!(given.limits(3, 0.7), [0.1, 0.15, 0.2]);
         assert_eq!(given.reference(0.2), 0.5);
-        assert_eq!(front("{}", "{ area: least }").pareto, Pareto::usual());
-        let charge = front(
-            "{ points: 3 }",
-            "{ charge: least, within: [1 uC, 2000.5 nC], reference: 2779 nC }",
-        );
-        assert_eq!(charge.limits(0.0), [1000.0, 1500.3, 2000.5]);
-        assert_eq!((charge.reference(0.0), charge.cost.unit()), (2779.0, "nC"));
+        assert_eq!(Pareto::read_with(&node("{}"), &[]).unwrap(), Pareto::usual());
+        let charge = cost("{ charge: least, within: [1 uC, 2000.5 nC], reference: 2779 nC }");
+        assert_eq!(charge.limits(3, 0.0), [1000.0, 1500.3, 2000.5]);
+        assert_eq!((charge.reference(0.0), charge.unit()), (2779.0, "nC"));
     }
 
     #[test]
@@ -313,8 +389,7 @@ mod tests {
             "{ area: least, within: [0.3, 0.3] }",
             "{ charge: least, within: [2 uC, 1 uC] }",
         ] {
-            let node = Document::from_text(Path::new("f"), text).unwrap().root;
-            assert!(FrontObjective::read(&node, "objectives", &()).is_err(), "{text}");
+            assert!(FrontObjective::read(&node(text), "objectives", &()).is_err(), "{text}");
         }
     }
 }

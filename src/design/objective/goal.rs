@@ -18,6 +18,12 @@ use deaflow_pattern::{Membrane, Raster};
 /// from 5 % to 95 %), so that the optimum has the target area. A larger weight only makes the search stiffer.
 pub const AREA_PENALTY: f64 = 5.0;
 
+/// Rounding of areas.
+const ROUNDING: f64 = 1e-9;
+
+/// The penalty in F for an area above the largest one: as much as 2.5 mm.
+const LARGER: f64 = 1.0;
+
 /// The unit of the values of objectives, which are forces of sides or displacements.
 #[must_use]
 pub fn value_unit(is_reaction: bool) -> &'static str {
@@ -31,6 +37,8 @@ pub struct Goal {
     raster: Raster,
     aims: Vec<PlacedAim>,
     area: Option<f64>,
+    /// Whether smaller areas are as good.
+    is_largest: bool,
     area_penalty: f64,
     /// Whether the penalty grows with scores above 1.
     has_strokes: bool,
@@ -82,6 +90,7 @@ impl Goal {
             raster: membrane.raster,
             aims: placed,
             area,
+            is_largest: false,
             area_penalty,
             has_strokes: false,
             charge_weight: 0.0,
@@ -95,6 +104,12 @@ impl Goal {
     #[must_use]
     pub fn with_strokes(self, has_strokes: bool) -> Self {
         Self { has_strokes, ..self }
+    }
+
+    /// The goal with a largest area, in place of a target.
+    #[must_use]
+    pub fn with_largest_area(self, is_largest: bool) -> Self {
+        Self { is_largest, ..self }
     }
 
     /// The goal with a weight of the charge: what a nC takes off the score. Fields need to have the charge.
@@ -119,7 +134,7 @@ impl Goal {
         self.masks.is_some()
     }
 
-    /// The target area fraction; `None` if the area is free.
+    /// The target area fraction, or the largest one; `None` if the area is free.
     #[must_use]
     pub fn area(&self) -> Option<f64> {
         self.area
@@ -184,9 +199,14 @@ impl Goal {
     /// F of a pattern with an area fraction and a score; smaller is better.
     #[must_use]
     pub fn fitness_of(&self, area: f64, score: f64) -> f64 {
-        let area_error = self.area.map_or(0.0, |wanted| (area - wanted).abs());
+        let (area_error, violation) = match self.area {
+            None => (0.0, 0.0),
+            Some(wanted) if !self.is_largest => ((area - wanted).abs(), 0.0),
+            Some(largest) if area <= largest + ROUNDING => (0.0, 0.0),
+            Some(largest) => (area - largest, LARGER),
+        };
         let scale = if self.has_strokes { score.abs().max(1.0) } else { 1.0 };
-        1.0 - score + self.area_penalty * scale * area_error
+        1.0 - score + self.area_penalty * scale * area_error + violation * scale
     }
 
     /// The score of fields, independent of the area; larger is better.

@@ -12,8 +12,8 @@ use std::cell::RefCell;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::found::{Findings, FoundDesign};
-use super::{Search, SearchError, SearchResult};
-use crate::front::{Front, FrontPoint, hypervolume};
+use super::{Evaluators, Search, SearchError, SearchResult};
+use crate::front::{Cost, Front, FrontMethod, FrontPoint, OtherObjective, hypervolume};
 use crate::local_search::{LocalOptimum, SearchProblem, SearchStep, StartError};
 use crate::objective::Goal;
 use deaflow_field::{Differentiable, Field, PredictError, Predictor, StateFields, WithGradient};
@@ -38,14 +38,15 @@ pub enum PointOutcome {
 pub struct FoundFront {
     /// The designs, by ascending limits. The number among several designs is that of their limit.
     pub result: SearchResult,
-    /// The limits of area or charge, ascending.
+    /// The limits of area or charge, ascending; none of the genetic algorithm.
     pub limits: Vec<f64>,
     /// What became of each.
     pub outcomes: Vec<PointOutcome>,
-    /// The gain of each design over the membrane at rest, and its area or charge in nC.
-    pub points: Vec<FrontPoint>,
-    /// The reference of the hypervolume.
-    pub reference: FrontPoint,
+    /// The objectives of each design in their order, the first of the target, then the
+    /// [others](crate::Front::others): gains over the membrane at rest, and area or charge in nC.
+    pub values: Vec<Vec<f64>>,
+    /// The reference of the hypervolume in each objective.
+    pub reference: Vec<f64>,
     /// The number of simulated patterns and the hypervolume of the designs so far, whenever one was found or improved.
     pub history: Vec<(usize, f64)>,
 }
@@ -111,58 +112,69 @@ const CLOSE: f64 = 0.005;
 /// A running search of a front.
 struct FrontSearch<'s, 'a> {
     search: &'s Search<'a>,
-    front: &'s Front,
+    /// The second objective.
+    cost: &'s Cost,
     model: &'s Counted<'a>,
     /// The accepted steps: the number of simulated patterns, the number of the limit and the design.
     steps: RefCell<Vec<(usize, usize, FrontPoint)>>,
 }
 
 impl Search<'_> {
-    /// Searches a front. The target is that of the first objective, with a free area.
+    /// Searches a front: one cost by ε-constraints, and others by the genetic algorithm, for which `evaluators` creates
+    /// the evaluators. The target is that of the first objective, with a free area.
     ///
     /// # Errors
-    /// If the scene cannot be simulated, or there is no design within any limit.
-    pub fn front(&self, front: &Front) -> Result<FoundFront, SearchError> {
+    /// If the scene cannot be simulated, or no design is found.
+    pub fn front(&self, front: &Front, evaluators: impl FnOnce() -> Evaluators) -> Result<FoundFront, SearchError> {
+        match (&front.others[..], front.pareto.method) {
+            ([OtherObjective::Cost(cost)], FrontMethod::Epsilon) => self.front_within_limits(cost, front.pareto.points),
+            _ => self.genetic_front(front, evaluators),
+        }
+    }
+
+    /// Searches the front of the target and a cost by ε-constraints.
+    fn front_within_limits(&self, cost: &Cost, points: usize) -> Result<FoundFront, SearchError> {
         let model = Counted {
             model: self.elements.gradient()?,
             count: AtomicUsize::new(0),
         };
         let search = FrontSearch {
             search: self,
-            front,
+            cost,
             model: &model,
             steps: RefCell::default(),
         };
-        let last = front.pareto.points - 1;
+        let last = points - 1;
         // Without given ends, the largest limit is that of the best design of all.
-        let first = match front.cost.within() {
+        let first = match cost.within() {
             Some(_) => None,
             None => Some(search.searched_from_starts((last, f64::INFINITY), true)?),
         };
         let largest = match &first {
-            None => front.limits(0.0)[last],
+            None => cost.limits(points, 0.0)[last],
             Some(Ok(point)) => point.at.cost,
             Some(Err(why)) => return Err(self.no_start(*why)),
         };
-        let limits = front.limits(largest);
+        let limits = cost.limits(points, largest);
         let mut points = search.downwards(&limits, first)?;
         let outcomes = search.upwards(&limits, &mut points)?;
         let reference = FrontPoint {
             value: 0.0,
-            cost: front.reference(limits[last]),
+            cost: cost.reference(limits[last]),
         };
         let history = search.history(&limits, reference);
         let kept = points
             .iter()
             .zip(&outcomes)
             .filter(|(_, outcome)| **outcome == PointOutcome::Found);
-        let kept = kept.filter_map(|(point, _)| Some(point.as_ref().ok()?.at)).collect();
+        let kept = kept.filter_map(|(point, _)| point.as_ref().ok());
+        let values = kept.map(|point| vec![point.at.value, point.at.cost]).collect();
         Ok(FoundFront {
             result: self.front_result(points, &outcomes)?,
-            points: kept,
+            values,
             limits,
             outcomes,
-            reference,
+            reference: vec![reference.value, reference.cost],
             history,
         })
     }
@@ -204,7 +216,7 @@ impl Search<'_> {
 impl FrontSearch<'_, '_> {
     /// The problem of a goal within a limit of the area; the charge is free.
     fn problem<'p>(&'p self, goal: &'p Goal, limit: f64) -> Result<SearchProblem<'p>, SearchError> {
-        let (search, is_charge) = (self.search, self.front.cost.is_charge());
+        let (search, is_charge) = (self.search, self.cost.is_charge());
         let area = if is_charge { 1.0 } else { limit.min(1.0) };
         let problem = search.problem_of((self.model, goal), search.options.units, (0.0, area));
         Ok(problem.with_feasibility(search.feasibility()?))
@@ -214,7 +226,7 @@ impl FrontSearch<'_, '_> {
     fn observe(&self, at: usize, weight: f64) -> impl Fn(&SearchStep) {
         move |step: &SearchStep| {
             self.search.progress.step(step);
-            let is_charge = self.front.cost.is_charge();
+            let is_charge = self.cost.is_charge();
             let point = FrontPoint {
                 value: self.gain(step.score + weight * step.charge),
                 cost: if is_charge { step.charge } else { step.area },
@@ -251,7 +263,7 @@ impl FrontSearch<'_, '_> {
         limit: f64,
         start: &Point,
     ) -> Result<Result<Point, StartError>, SearchError> {
-        match self.front.cost.is_charge() {
+        match self.cost.is_charge() {
             true => self.within_charge(at, limit, start),
             false => self.follow((at, limit), &start.optimum.pattern, 0.0),
         }
@@ -317,7 +329,7 @@ impl FrontSearch<'_, '_> {
         let area = self.search.constraints.area_fraction(&optimum.pattern);
         let at = FrontPoint {
             value: self.gain(self.search.target.goal.score(&optimum.fields)),
-            cost: match self.front.cost.is_charge() {
+            cost: match self.cost.is_charge() {
                 true => optimum.fields.iter().map(Field::charge).sum(),
                 false => area,
             },

@@ -6,19 +6,15 @@ use super::{Evaluators, Search, SearchError, SearchResult};
 use crate::evolve::{EvolveError, EvolveProblem, evolve, first_generation};
 use crate::genome::UNITS;
 use crate::objective::RoughScore;
+use deaflow_field::{Evaluator, InStates};
 use deaflow_pattern::{Pattern, Role};
+
+/// The settings of an evaluator, the evaluator in each state, and the accuracy of each candidate.
+type ChosenEvaluator = (String, InStates<Box<dyn Evaluator>>, Vec<CandidateAccuracy>);
 
 impl Search<'_> {
     pub(super) fn genetic(&self, evaluators: Evaluators) -> Result<SearchResult, SearchError> {
-        let (candidate, accuracies) = match evaluators {
-            Evaluators::Named(candidate) => (candidate, Vec::new()),
-            Evaluators::Cheapest(candidates) => self.cheapest(candidates)?,
-        };
-        let settings = candidate.settings;
-        let evaluator = match candidate.evaluator {
-            Ok(evaluator) => evaluator,
-            Err(why) => return Err(SearchError::Evaluator { settings, why }),
-        };
+        let (settings, evaluator, accuracies) = self.evaluator(evaluators)?;
         let rough = self.rough()?;
         let problem = EvolveProblem {
             predictor: &evaluator,
@@ -27,13 +23,8 @@ impl Search<'_> {
             feasibility: self.feasibility()?,
             rough: rough.as_ref(),
         };
-        let evolution = evolve(&problem, &self.options.evolve(), self.progress).map_err(|source| match source {
-            EvolveError::Stopped(stopped) => stopped.into(),
-            source => SearchError::Evolve {
-                target: self.target.name.clone(),
-                source,
-            },
-        })?;
+        let evolution =
+            evolve(&problem, &self.options.evolve(), self.progress).map_err(|error| self.evolve_error(error))?;
         let found = evolution.winners.into_iter().enumerate();
         let mut findings = Findings {
             patterns: found
@@ -52,6 +43,31 @@ impl Search<'_> {
             self.refine(&mut findings)?;
         }
         self.result(settings, &evaluator, findings, accuracies)
+    }
+
+    /// The named evaluator, or the cheapest one that is accurate enough, with its settings, and the accuracy of each
+    /// candidate.
+    pub(super) fn evaluator(&self, evaluators: Evaluators) -> Result<ChosenEvaluator, SearchError> {
+        let (candidate, accuracies) = match evaluators {
+            Evaluators::Named(candidate) => (candidate, Vec::new()),
+            Evaluators::Cheapest(candidates) => self.cheapest(candidates)?,
+        };
+        let settings = candidate.settings;
+        match candidate.evaluator {
+            Ok(evaluator) => Ok((settings, evaluator, accuracies)),
+            Err(why) => Err(SearchError::Evaluator { settings, why }),
+        }
+    }
+
+    /// The error of a genetic algorithm for the target.
+    pub(super) fn evolve_error(&self, error: EvolveError) -> SearchError {
+        match error {
+            EvolveError::Stopped(stopped) => stopped.into(),
+            source => SearchError::Evolve {
+                target: self.target.name.clone(),
+                source,
+            },
+        }
     }
 
     /// The rough score; `None` if all patterns are judged.

@@ -4,6 +4,7 @@ mod candidates;
 mod found;
 mod front;
 mod genetic;
+mod genetic_front;
 mod gradient;
 mod refine;
 mod result;
@@ -19,7 +20,7 @@ use super::intuitive::Intuitive;
 use super::local_search::{SearchProblem, SearchStep, StartError};
 use super::objective::Goal;
 use super::options::{Method, SearchOptions};
-use super::target::Target;
+use super::target::{Area, Target};
 use deaflow_base::Stopped;
 use deaflow_field::{Differentiable, Feasibility, PredictError, StateFields};
 use deaflow_pattern::{CELLS, Pattern};
@@ -203,7 +204,11 @@ impl<'a> Search<'a> {
     fn area_range(&self) -> (f64, f64) {
         let tolerance = self.options.area_tolerance.to_f64();
         let around = |area: f64| (area - tolerance, area + tolerance);
-        self.target.area.fraction().map_or((0.0, 1.0), around)
+        match self.target.area {
+            Area::Free => (0.0, 1.0),
+            Area::Near(area) => around(area.to_f64()),
+            Area::AtMost(area) => (0.0, area.to_f64()),
+        }
     }
 
     fn report_step(&self) -> impl Fn(&SearchStep) {
@@ -223,10 +228,19 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The intuitive design at the target area, or at its own area if the area is free.
+    /// The intuitive design at the target area, or at its own area if the area is free or not smaller.
     fn intuitive_start(&self) -> Pattern {
         let intuitive = self.intuitive();
-        let area = self.target.area.fraction();
-        area.map_or_else(|| intuitive.at_own_area(), |area| intuitive.at_area(area))
+        match self.target.area {
+            Area::Free => intuitive.at_own_area(),
+            Area::Near(area) => intuitive.at_area(area.to_f64()),
+            Area::AtMost(largest) => {
+                let own = intuitive.at_own_area();
+                match self.constraints.area_fraction(&own) <= largest.to_f64() {
+                    true => own,
+                    false => intuitive.at_area(largest.to_f64()),
+                }
+            }
+        }
     }
 }

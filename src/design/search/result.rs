@@ -5,6 +5,7 @@ use super::found::{Findings, FoundDesign, FoundPattern, SearchResult};
 use super::shortage::report_shortage;
 use super::{Search, SearchError};
 use crate::status::status_of;
+use crate::target::Area;
 use deaflow_field::{NO_FIELD, Predictor, StateFields};
 use deaflow_pattern::{CELLS, Pattern, Role};
 
@@ -99,7 +100,10 @@ impl Search<'_> {
         let mut lines = Vec::new();
         if found.role != Role::Intuitive && !(low - 1e-9..=high + 1e-9).contains(&area) {
             let (wanted, tolerance) = (self.target.area, self.options.area_tolerance);
-            lines.push(format!("area {area:.4}, wanted {wanted} within {tolerance}"));
+            lines.push(match wanted {
+                Area::AtMost(_) => format!("area {area:.4}, wanted {wanted}"),
+                Area::Free | Area::Near(_) => format!("area {area:.4}, wanted {wanted} within {tolerance}"),
+            });
         }
         lines.extend(self.constraints.violations(&found.pattern).lines());
         if !feasible {

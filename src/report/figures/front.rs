@@ -1,9 +1,8 @@
-//! A front: the best design for each area or charge, with designs beside the points, and the hypervolume over the
+//! A front: its first objective against each other one, with designs beside the points, and the hypervolume over the
 //! search.
 
 use maud::{Markup, html};
 
-use crate::designs::quantity;
 use crate::drawing::{Axis, Background, Chart, Colour, FigureError, LARGE, Mark, Series, Sheet, THOUSAND};
 use crate::format::{capitalised, mm, three};
 use deaflow_pattern::Pattern;
@@ -11,20 +10,27 @@ use deaflow_pattern::Pattern;
 /// A front of designs.
 #[derive(Clone, Debug)]
 pub struct FrontFigure {
-    /// The designs, by ascending area or charge.
+    /// The designs.
     pub designs: Vec<FrontDesign>,
     /// The membrane that they are drawn on.
     pub background: Background,
-    /// The unit of gains.
-    pub unit: &'static str,
-    /// What designs take: area or charge.
-    pub taken: &'static str,
-    /// The unit of these.
-    pub taken_unit: &'static str,
+    /// The objectives.
+    pub axes: Vec<FrontAxis>,
     /// The unit of hypervolumes.
     pub volume_unit: String,
     /// The number of simulated patterns and the hypervolume, whenever it grew.
     pub history: Vec<(u64, f64)>,
+}
+
+/// An objective of a front.
+#[derive(Clone, Debug)]
+pub struct FrontAxis {
+    /// Its name on an axis.
+    pub name: String,
+    /// The unit of its values.
+    pub unit: String,
+    /// What it is, for the title of a chart.
+    pub objective: String,
 }
 
 /// A design of a front.
@@ -32,10 +38,8 @@ pub struct FrontFigure {
 pub struct FrontDesign {
     /// Its name.
     pub name: String,
-    /// What its objective gains over the membrane at rest.
-    pub gain: f64,
-    /// What it takes.
-    pub cost: f64,
+    /// The values of the objectives.
+    pub values: Vec<f64>,
     /// Its electrode.
     pub pattern: Pattern,
 }
@@ -47,32 +51,40 @@ const GAP: f64 = 7.0;
 /// Space below the frame for ticks and labels, and beside it, in a chart: what is not the frame.
 const AROUND: [f64; 2] = [70.0, 72.0];
 
-/// Draws the front, and below it the hypervolume over the simulated patterns.
+/// Draws the first objective against each other one, and below it the hypervolume over the simulated patterns.
 ///
 /// # Errors
 /// If there is no design, or a number is not finite.
 pub fn front_charts(data: &FrontFigure) -> Result<Vec<Chart>, FigureError> {
-    let numbers = data.designs.iter().flat_map(|design| [design.gain, design.cost]);
+    let numbers = data.designs.iter().flat_map(|design| design.values.iter().copied());
     let grown = data.history.iter().map(|(_, reached)| *reached);
-    if data.designs.is_empty() || numbers.chain(grown).any(|number| !number.is_finite()) {
+    let are_complete = data.designs.iter().all(|design| design.values.len() == data.axes.len());
+    let is_empty = data.designs.is_empty() || data.axes.len() < 2 || !are_complete;
+    if is_empty || numbers.chain(grown).any(|number| !number.is_finite()) {
         return Err(FigureError::Data("a front needs designs and finite numbers".into()));
     }
-    let mut charts = vec![front(data)];
+    let mut charts: Vec<Chart> = (1..data.axes.len()).map(|other| front(data, other)).collect();
     charts.extend((data.history.len() > 1).then(|| growth(data)));
     Ok(charts)
 }
 
-fn front(data: &FrontFigure) -> Chart {
-    let points: Vec<(f64, f64)> = data.designs.iter().map(|design| (design.cost, design.gain)).collect();
-    let what = quantity(data.unit);
-    let x = Axis::above(
-        &capitalised(&format!("{} [{}]", data.taken, data.taken_unit)),
-        points.iter().map(|(cost, _)| cost),
-    );
-    let y = Axis::above(
-        &capitalised(&format!("{what} [{}]", data.unit)),
-        points.iter().map(|(_, value)| value),
-    );
+/// The first objective against another one.
+fn front(data: &FrontFigure, other: usize) -> Chart {
+    let points = data
+        .designs
+        .iter()
+        .map(|design| (design.values[other], design.values[0]));
+    let points: Vec<(f64, f64)> = points.collect();
+    let (first, second) = (&data.axes[0], &data.axes[other]);
+    let axis = |of: &FrontAxis, values: Vec<f64>| {
+        let label = capitalised(&format!("{} [{}]", of.name, of.unit));
+        match values.iter().all(|value| *value >= 0.0) {
+            true => Axis::above(&label, &values),
+            false => Axis::around(&label, &values),
+        }
+    };
+    let x = axis(second, points.iter().map(|(x, _)| *x).collect());
+    let y = axis(first, points.iter().map(|(_, y)| *y).collect());
     let frame = [0, 1].map(|axis| LARGE[axis] - AROUND[axis]);
     let at = |&(cost, value): &(f64, f64)| [frame[0] * x.fraction(cost), frame[1] * (1.0 - y.fraction(value))];
     let places = beside(&points.iter().map(at).collect::<Vec<_>>(), frame);
@@ -91,11 +103,20 @@ fn front(data: &FrontFigure) -> Chart {
     });
     let inside = html! { @for design in drawn { (design) } };
     let texts = data.designs.iter().map(|design| {
-        let cost = format!("{} {} {}", data.taken, three(design.cost), data.taken_unit);
-        format!("{}: {} {} at {cost}", design.name, mm(design.gain), data.unit)
+        let others = data.axes.iter().zip(&design.values).skip(1);
+        let others = others.map(|(axis, value)| format!("{} {} {}", axis.name, three(*value), axis.unit));
+        let others = others.collect::<Vec<_>>().join(", ");
+        format!("{}: {} {} at {others}", design.name, mm(design.values[0]), first.unit)
     });
-    let series = Series::new("", Colour::Blue, Mark::LineAndDots, points).with_texts(texts.collect());
-    let mut chart = Chart::new(format!("Front: {what} against {}", data.taken), [x, y], vec![series]).with_size(LARGE);
+    // With three objectives, the points are on a surface.
+    let mark = if data.axes.len() == 2 {
+        Mark::LineAndDots
+    } else {
+        Mark::Dots
+    };
+    let series = Series::new("", Colour::Blue, mark, points).with_texts(texts.collect());
+    let title = format!("Front: {} against {}", first.objective, second.objective);
+    let mut chart = Chart::new(title, [x, y], vec![series]).with_size(LARGE);
     chart.inside = Some(inside);
     chart
 }
@@ -162,19 +183,24 @@ mod tests {
     use super::*;
     use deaflow_pattern::Raster;
 
+    fn axis(name: &str, unit: &str) -> FrontAxis {
+        FrontAxis {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            objective: name.to_owned(),
+        }
+    }
+
     fn figure(designs: &[(f64, f64)]) -> FrontFigure {
         let design = |(at, &(cost, gain)): (usize, &(f64, f64))| FrontDesign {
             name: format!("front-{}", at + 1),
-            gain,
-            cost,
+            values: vec![gain, cost],
             pattern: Pattern::from_fn(Raster::PAPER, |x, _| x < at + 1),
         };
         FrontFigure {
             designs: designs.iter().enumerate().map(design).collect(),
             background: Background::paper(),
-            unit: "mm",
-            taken: "area",
-            taken_unit: "%",
+            axes: vec![axis("displacement", "mm"), axis("area", "%")],
             volume_unit: "mm".to_owned(),
             history: vec![(3, 0.1), (8, 0.4)],
         }
@@ -189,6 +215,22 @@ mod tests {
         let drawn = charts[0].figure().into_string();
         assert_eq!(drawn.matches("class=\"membrane\"").count(), 9, "{drawn}");
         assert!(drawn.contains("front-9: 2.241 mm at area 36.0 %"), "{drawn}");
+    }
+
+    #[test]
+    fn three_objectives_have_two_charts() {
+        let mut three = figure(&[(4.0, 1.0), (8.0, 1.4)]);
+        three.axes.push(axis("third objective", "mm"));
+        assert!(front_charts(&three).is_err(), "a value is missing");
+        let more = three.designs.iter_mut().zip([-0.2, -0.4]);
+        more.for_each(|(design, value)| design.values.push(value));
+        let charts = front_charts(&three).unwrap();
+        assert_eq!(charts.len(), 3);
+        let drawn = charts[1].figure().into_string();
+        assert!(
+            drawn.contains("front-2: 1.400 mm at area 8.00 %, third objective -0.400 mm"),
+            "{drawn}"
+        );
     }
 
     #[test]

@@ -35,7 +35,7 @@ pub use deformation::{FamilyDeformation, deformation_sheet};
 pub use evaluation::{EvaluationFigure, PredictorErrors};
 pub use evolution::{Evolution, evolution_sheet};
 pub use fit::{FittedCurve, fit_sheet};
-pub use front::{FrontDesign, FrontFigure, front_sheet};
+pub use front::{FrontAxis, FrontDesign, FrontFigure, front_sheet};
 pub use histogram::Histogram;
 pub use history::{Motion, histories_sheet};
 pub use measured::{MeasuredFigure, measured_charts, measured_sheet};

@@ -5,12 +5,13 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::artifacts::ArtifactReader;
+use crate::designs::quantity;
 use crate::drawing::{Background, Chart, Sheet};
 use crate::error::ReportError;
-use crate::figures::{FrontDesign, FrontFigure, front_charts, front_sheet};
+use crate::figures::{FrontAxis, FrontDesign, FrontFigure, front_charts, front_sheet};
 use crate::format::{mm, percent};
 use crate::presenter::Headline;
-use deaflow_content::Designs;
+use deaflow_content::{Designs, FrontObjectives};
 use deaflow_field::CHARGE_UNIT;
 
 /// A front of designs.
@@ -22,16 +23,35 @@ pub struct FoundFront {
     points: Vec<FoundPoint>,
     /// The limits without a point of their own.
     others: Vec<OtherLimit>,
-    /// The hypervolume, in the unit of gains times area fraction or nC.
+    /// The hypervolume, in the product of the units of the objectives.
     hypervolume: f64,
-    /// Area or charge of the reference of the hypervolume.
-    reference: f64,
+    /// Area or charge of the reference of the hypervolume; none of the genetic algorithm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reference: Option<f64>,
     /// The number of simulated patterns.
     simulations: u64,
     /// The unit of gains.
     unit: &'static str,
     /// Whether limits are charges in nC, and not areas.
     is_charge: bool,
+    /// The objectives of the genetic algorithm.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    objectives: Vec<OneObjective>,
+    /// The unit of the hypervolume.
+    hypervolume_unit: String,
+}
+
+/// One of the objectives of the genetic algorithm.
+#[derive(Clone, Debug, Serialize)]
+struct OneObjective {
+    /// In YAML.
+    objective: String,
+    unit: String,
+    /// Its value at the reference of the hypervolume.
+    reference: f64,
+    /// Whether it is area or charge.
+    #[serde(skip)]
+    is_cost: bool,
 }
 
 /// A point of a front.
@@ -42,6 +62,9 @@ struct FoundPoint {
     area: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     charge_nc: Option<f64>,
+    /// The values of all objectives of the genetic algorithm.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    values: Vec<f64>,
 }
 
 /// A limit without a point of its own.
@@ -63,11 +86,13 @@ impl FoundFront {
             return Ok(None);
         }
         let front = source.of(view.front().read())?;
-        let rows = view.rows();
+        let (rows, simulations) = (view.rows(), source.of(view.evaluations().read())?);
         let (names, areas) = (source.of(rows.name().read())?, source.of(rows.area().read())?);
         let points = names.into_iter().zip(front.gain).zip(areas).enumerate();
         let charges = front.charge.as_ref();
         let outcomes = front.limit.into_iter().zip(front.outcome.0);
+        let (objectives, values) = objectives(front.objectives);
+        let wide = objectives.len();
         Ok(Some(Self {
             stage: source.stage.stage.clone(),
             points: points
@@ -76,6 +101,7 @@ impl FoundFront {
                     gain,
                     area,
                     charge_nc: charges.map(|charges| charges[at]),
+                    values: values[at * wide..(at + 1) * wide].to_vec(),
                 })
                 .collect(),
             others: outcomes
@@ -83,10 +109,12 @@ impl FoundFront {
                 .map(|(limit, why)| OtherLimit { limit, why })
                 .collect(),
             hypervolume: front.hypervolume.last().copied().unwrap_or_default(),
-            reference: front.reference.first().copied().unwrap_or_default(),
-            simulations: front.simulations.last().copied().unwrap_or_default(),
+            reference: front.reference.and_then(|reference| reference.first().copied()),
+            simulations: simulations.first().copied().unwrap_or_default(),
             unit: source.of(view.unit())?,
             is_charge: charges.is_some(),
+            objectives,
+            hypervolume_unit: source.of(view.hypervolume_unit())?,
         }))
     }
 
@@ -112,7 +140,16 @@ impl FoundFront {
                 self.point(first),
                 self.point(last)
             ),
-            (points, others) => format!("{}: {} of {} points", self.stage, points.len(), points.len() + others),
+            (points, others) => {
+                let listed: Vec<String> = points.iter().map(|point| self.point(point)).collect();
+                let all = points.len() + others;
+                format!(
+                    "{}: {} of {all} points, {}",
+                    self.stage,
+                    points.len(),
+                    listed.join(", ")
+                )
+            }
         };
         match none {
             0 => Headline::good(text),
@@ -123,12 +160,36 @@ impl FoundFront {
     fn point(&self, point: &FoundPoint) -> String {
         let charge = point.charge_nc.map(|charge| format!(", charge {}", in_nano(charge)));
         let area = percent(point.area, 1);
+        let values = self.objectives.iter().zip(&point.values).skip(1);
+        let others = values.filter(|(objective, _)| !objective.is_cost);
+        let others: String = others
+            .map(|(objective, value)| format!(" and {} {}", mm(*value), objective.unit))
+            .collect();
         format!(
-            "{} {} at area {area}{}",
+            "{} {}{others} at area {area}{}",
             mm(point.gain),
             self.unit,
             charge.unwrap_or_default()
         )
+    }
+
+    /// The reference of the hypervolume.
+    fn reference_text(&self) -> String {
+        match self.reference {
+            Some(charge) if self.is_charge => format!("0 {}, {}", self.unit, in_nano(charge)),
+            Some(area) => format!("0 {}, area {}", self.unit, percent(area, 1)),
+            None => {
+                let each = self
+                    .objectives
+                    .iter()
+                    .map(|one| match (one.is_cost, one.unit.as_str()) {
+                        (true, CHARGE_UNIT) => in_nano(one.reference),
+                        (true, _) => format!("area {}", percent(one.reference, 1)),
+                        (false, unit) => format!("{} {unit}", mm(one.reference)),
+                    });
+                each.collect::<Vec<_>>().join(", ")
+            }
+        }
     }
 
     fn limit(&self, limit: f64) -> String {
@@ -138,29 +199,59 @@ impl FoundFront {
         }
     }
 
-    fn volume_unit(&self) -> String {
-        match self.is_charge {
-            true => format!("{} {CHARGE_UNIT}", self.unit),
-            false => self.unit.to_owned(),
+    /// What the figure shows of each objective: its name, unit and description.
+    fn axes(&self) -> Vec<FrontAxis> {
+        let axis = |name: &str, unit: &str, objective: &str| FrontAxis {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            objective: objective.to_owned(),
+        };
+        let cost = |is_charge| match is_charge {
+            true => axis("charge", CHARGE_UNIT, "charge"),
+            false => axis("area", "%", "area"),
+        };
+        let first = axis(quantity(self.unit), self.unit, quantity(self.unit));
+        let mut axes = vec![first];
+        if self.objectives.is_empty() {
+            axes.push(cost(self.is_charge));
         }
+        for (at, one) in self.objectives.iter().enumerate().skip(1) {
+            let number = if at == 1 { "second" } else { "third" };
+            axes.push(match one.is_cost {
+                true => cost(one.unit == CHARGE_UNIT),
+                false => axis(&format!("{number} objective"), &one.unit, &one.objective),
+            });
+        }
+        axes
     }
+}
+
+/// The objectives of the genetic algorithm, and the values of all designs.
+fn objectives(stored: Option<FrontObjectives>) -> (Vec<OneObjective>, Vec<f64>) {
+    let Some(stored) = stored else {
+        return (Vec::new(), Vec::new());
+    };
+    let texts = stored.objective.0.into_iter().zip(stored.unit).zip(stored.reference);
+    let one = |((objective, unit), reference): ((String, String), f64)| OneObjective {
+        is_cost: ["1", CHARGE_UNIT].contains(&unit.as_str()),
+        objective,
+        unit,
+        reference,
+    };
+    (texts.map(one).collect(), stored.values.0)
 }
 
 impl fmt::Display for FoundFront {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{}: front of {} points in {} simulations, hypervolume {} {} (reference: 0 {}, {})",
+            "{}: front of {} points in {} simulations, hypervolume {} {} (reference: {})",
             self.stage,
             self.points.len(),
             self.simulations,
             mm(self.hypervolume),
-            self.volume_unit(),
-            self.unit,
-            match self.is_charge {
-                true => in_nano(self.reference),
-                false => format!("area {}", percent(self.reference, 1)),
-            }
+            self.hypervolume_unit,
+            self.reference_text()
         )?;
         for point in &self.points {
             write!(f, "\n  {:<10} {}", point.design, self.point(point))?;
@@ -200,22 +291,27 @@ fn figure(source: &ArtifactReader<'_>) -> Result<Option<FrontFigure>, ReportErro
     let view = source.of(Designs::open(source.artifact))?;
     let patterns = source.of(view.rows().patterns().read())?;
     let front = source.of(view.front().read())?;
-    let volume_unit = found.volume_unit();
+    let (axes, volume_unit) = (found.axes(), found.hypervolume_unit);
+    let is_cost = |at: usize| found.objectives.get(at).is_some_and(|one| one.unit == "1");
     let designs = found.points.into_iter().zip(patterns);
     Ok(Some(FrontFigure {
         designs: designs
             .map(|(point, pattern)| FrontDesign {
                 name: point.design,
-                gain: point.gain,
-                cost: point.charge_nc.unwrap_or(100.0 * point.area),
+                values: match point.values.is_empty() {
+                    true => vec![point.gain, point.charge_nc.unwrap_or(100.0 * point.area)],
+                    false => {
+                        let values = point.values.iter().enumerate();
+                        let shown = values.map(|(at, value)| if is_cost(at) { 100.0 * value } else { *value });
+                        shown.collect()
+                    }
+                },
                 pattern,
             })
             .collect(),
         background: Background::of(&source.of(view.scene().read())?),
-        taken: if found.is_charge { "charge" } else { "area" },
-        taken_unit: if found.is_charge { CHARGE_UNIT } else { "%" },
+        axes,
         volume_unit,
-        unit: found.unit,
         history: front.simulations.into_iter().zip(front.hypervolume).collect(),
     }))
 }

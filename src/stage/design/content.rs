@@ -1,10 +1,11 @@
 //! The content of the artifact of a design stage: one row per design, and the course of the searches.
 
 use deaflow_content::{
-    Candidates, DesignRows, Designs, Fronts, GENOME_UNITS, GradientSteps, History, LongTexts, Packed,
+    Candidates, DesignRows, Designs, FrontObjectives, Fronts, GENOME_UNITS, GradientSteps, History, LongTexts, Packed,
 };
 use deaflow_design::{
-    CandidateAccuracy, FoundDesign, FoundFront, Front, GenerationReport, PointOutcome, Refinement, SearchResult, UNITS,
+    CandidateAccuracy, FoundDesign, FoundFront, Front, FrontMethod, GenerationReport, OtherObjective, PointOutcome,
+    Refinement, SearchResult, Target, UNITS,
 };
 use deaflow_pattern::Bits;
 use deaflow_scene::Scene;
@@ -48,20 +49,33 @@ pub fn designs(heading: Heading, found: SearchResult, is_robust: bool, (scene, m
     }
 }
 
-/// Returns the content of the artifact of a front: each point is a target of its own, whose area is its limit. With
-/// `is_charge`, limits are charges and the area is free.
-pub fn front(heading: Heading, found: FoundFront, is_charge: bool, (scene, method): (Scene, &str)) -> Designs {
-    let costs = found.points.iter().map(|point| point.cost);
-    let charge = is_charge.then(|| costs.collect());
-    let simulations = found.history.last().map_or(0, |(count, _)| *count as u64);
-    let front = Fronts {
+/// Returns the content of the artifact of a front: each point is a target of its own. That of a limit of the area has
+/// this area, otherwise the area is free.
+pub fn front(
+    (heading, target): (Heading, &Target),
+    found: FoundFront,
+    front: &Front,
+    (scene, method): (Scene, &str),
+) -> Designs {
+    let is_charge = |other: &OtherObjective| matches!(other, OtherObjective::Cost(cost) if cost.is_charge());
+    let charge = front.others.iter().position(is_charge);
+    let charge = charge.map(|at| found.values.iter().map(|values| values[at + 1]).collect());
+    let is_genetic = front.pareto.method == FrontMethod::Nsga2;
+    // The genetic algorithm counts in its evaluations.
+    let simulations = match is_genetic {
+        true => found.result.evaluations as u64,
+        false => found.history.last().map_or(0, |(count, _)| *count as u64),
+    };
+    let has_areas = charge.is_none() && !is_genetic;
+    let stored = Fronts {
         limit: found.limits.clone(),
         outcome: LongTexts(found.outcomes.iter().map(outcome).collect()),
-        gain: found.points.iter().map(|point| point.value).collect(),
+        gain: found.values.iter().map(|values| values[0]).collect(),
         charge,
-        reference: vec![found.reference.cost],
+        reference: (!is_genetic).then(|| found.reference[1..].to_vec()),
         simulations: found.history.iter().map(|(count, _)| *count as u64).collect(),
         hypervolume: found.history.iter().map(|(_, reached)| *reached).collect(),
+        objectives: is_genetic.then(|| objectives(target, &found, front)),
     };
     let is_robust = found.result.designs.iter().any(|design| design.robust_value.is_some());
     let mut designs = designs(heading, found.result, is_robust, (scene, method));
@@ -69,7 +83,7 @@ pub fn front(heading: Heading, found: FoundFront, is_charge: bool, (scene, metho
     for (at, member) in rows.member.iter_mut().enumerate() {
         let limit = std::mem::take(member) as usize;
         rows.name[at] = Front::point_name(limit);
-        if !is_charge {
+        if has_areas {
             rows.area_target[at] = found.limits[limit].to_string();
         }
     }
@@ -77,8 +91,24 @@ pub fn front(heading: Heading, found: FoundFront, is_charge: bool, (scene, metho
         *name = Front::point_name(std::mem::take(member) as usize);
     }
     designs.evaluations = vec![simulations];
-    designs.front = Some(front);
+    designs.front = Some(stored);
     designs
+}
+
+/// The objectives of a front of the genetic algorithm.
+fn objectives(target: &Target, found: &FoundFront, front: &Front) -> FrontObjectives {
+    let others = front.others.iter().map(|other| match other {
+        OtherObjective::Value(objective, goal) => (objective.to_text(), goal.unit()),
+        OtherObjective::Cost(cost) => (cost.to_text(), cost.unit()),
+    });
+    let all = std::iter::once((target.objective.to_text(), target.goal.unit())).chain(others);
+    let (texts, units): (Vec<String>, Vec<&str>) = all.unzip();
+    FrontObjectives {
+        objective: LongTexts(texts),
+        unit: units.into_iter().map(str::to_owned).collect(),
+        reference: found.reference.clone(),
+        values: Packed(found.values.concat()),
+    }
 }
 
 /// The text is part of artifact digests.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::DesignStage;
 use super::evaluators::{amplitude_parameters, amplitude_solver};
-use deaflow_design::{FiniteElements, ResponseKind, SearchError, Target};
+use deaflow_design::{FiniteElements, Front, ResponseKind, SearchError, Target};
 use deaflow_fem::screening::resolved_states;
 use deaflow_fem::{GradientEvaluator, SafetyMargins, SetupError, ThreeSolves, at_peak};
 use deaflow_field::{Differentiable, Feasibility, InStates, PredictError, StateFields};
@@ -59,8 +59,7 @@ impl DesignStage {
                 gradient.push(match response {
                     ResponseKind::Equilibrium => {
                         let evaluator = GradientEvaluator::new(&scene)?;
-                        let front = self.task.front.as_ref();
-                        Arc::new(match front.is_some_and(|front| front.cost.is_charge()) {
+                        Arc::new(match self.task.front.as_ref().is_some_and(Front::has_charge) {
                             true => evaluator.measuring_charge(),
                             false => evaluator,
                         }) as Arc<dyn Differentiable + Send>

@@ -3,7 +3,7 @@
 use std::cell::Cell;
 
 use deaflow_base::{Stopped, four_digits};
-use deaflow_design::{CheckpointError, GenerationReport, Observer, SearchProgress, SearchStep};
+use deaflow_design::{CheckpointError, FrontReport, GenerationReport, Observer, SearchProgress, SearchStep};
 use deaflow_orchestrator::Job;
 
 /// Reports the progress of a search and stores its checkpoints.
@@ -19,7 +19,7 @@ pub struct Follow<'a> {
     /// Steps of the current local search.
     steps: Cell<u32>,
     /// Total steps and number of the finished local searches.
-    finished: Cell<(u32, u32)>,
+    ended: Cell<(u32, u32)>,
 }
 
 /// Assumed steps of a local search before one has finished.
@@ -35,14 +35,26 @@ impl<'a> Follow<'a> {
             first,
             generation: Cell::new((0.0, first)),
             steps: Cell::default(),
-            finished: Cell::default(),
+            ended: Cell::default(),
+        }
+    }
+
+    /// Shows that a generation is finished.
+    fn finished(&self, number: usize, note: &str) {
+        self.job.progress.note(note);
+        if number == 0 && self.first < 1.0 {
+            self.generation.set((self.first, 1.0 - self.first));
+            self.job.progress.part(self.first);
+        } else {
+            self.generation.set((0.0, 1.0));
+            self.job.progress.advance(1);
         }
     }
 
     /// The estimated share of the current local search that is done, from the mean length of the finished ones.
     fn part(&self) -> f64 {
         let steps = f64::from(self.steps.get());
-        let usual = match self.finished.get() {
+        let usual = match self.ended.get() {
             (_, 0) => USUAL_STEPS,
             (steps, searches) => f64::from(steps) / f64::from(searches),
         };
@@ -62,14 +74,18 @@ impl Observer for Follow<'_> {
             self.unit,
             100.0 * area
         );
-        self.job.progress.note(&note);
-        if number == 0 && self.first < 1.0 {
-            self.generation.set((self.first, 1.0 - self.first));
-            self.job.progress.part(self.first);
-        } else {
-            self.generation.set((0.0, 1.0));
-            self.job.progress.advance(1);
-        }
+        self.finished(number, &note);
+    }
+
+    fn front(&self, report: &FrontReport) {
+        let note = format!(
+            "generation {}: front of {} designs, up to {} {}",
+            report.generation,
+            report.designs,
+            four_digits(report.best),
+            self.unit
+        );
+        self.finished(report.generation, &note);
     }
 
     fn judged(&self, share: f64) {
@@ -85,14 +101,14 @@ impl Observer for Follow<'_> {
         self.job.scratch.save(CHECKPOINT, checkpoint)
     }
 
-    fn resumed(&self, report: &GenerationReport) {
-        if report.generation == 0 {
+    fn resumed(&self, generation: usize) {
+        if generation == 0 {
             self.generation.set((self.first, 1.0 - self.first));
         } else {
             self.generation.set((0.0, 1.0));
         }
-        let is_only_generation = report.generation == 0 && self.first >= 1.0;
-        let steps = report.generation as u64 + u64::from(is_only_generation);
+        let is_only_generation = generation == 0 && self.first >= 1.0;
+        let steps = generation as u64 + u64::from(is_only_generation);
         self.job.progress.resume(steps);
     }
 
@@ -116,8 +132,8 @@ impl SearchProgress for Follow<'_> {
     }
 
     fn searched(&self) {
-        let (steps, searches) = self.finished.get();
-        self.finished.set((steps + self.steps.replace(0), searches + 1));
+        let (steps, searches) = self.ended.get();
+        self.ended.set((steps + self.steps.replace(0), searches + 1));
         self.job.progress.advance(1);
     }
 }

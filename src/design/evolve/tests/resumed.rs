@@ -29,8 +29,8 @@ impl Observer for CheckpointStore {
         Ok(())
     }
 
-    fn resumed(&self, report: &GenerationReport) {
-        self.resumed.borrow_mut().push(report.generation);
+    fn resumed(&self, generation: usize) {
+        self.resumed.borrow_mut().push(generation);
     }
 
     fn checkpoint_rejected(&self, error: &CheckpointError) {
@@ -142,7 +142,7 @@ fn invalid_checkpoints_are_rejected() {
     layout[0] = 9;
     assert_eq!(
         refusal(&with_digest(layout), &short),
-        CheckpointError::Version { found: 9 }
+        CheckpointError::Version { found: 9, read: 2 }
     );
     let mut long = content.to_vec();
     long[4..12].copy_from_slice(&u64::MAX.to_le_bytes());

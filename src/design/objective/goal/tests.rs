@@ -254,6 +254,20 @@ fn points_are_placed_by_the_side_of_the_membrane() {
 }
 
 #[test]
+fn an_area_above_the_largest_one_is_a_violation_and_a_smaller_one_is_not() {
+    let aim = Aim::new([25.0, 25.0], Motion::Along(0.0));
+    for penalty in [0.0, AREA_PENALTY] {
+        let near = Goal::new(&Displacement, &[aim], Membrane::square(50.0), Some(0.3), penalty).unwrap();
+        let largest = near.clone().with_largest_area(true);
+        assert_eq!(largest.fitness_of(0.3, 0.8), 1.0 - 0.8);
+        assert_eq!(largest.fitness_of(0.1, 0.8), 1.0 - 0.8);
+        let above = largest.fitness_of(0.3004, 0.8);
+        assert!((above - (1.2 + 0.0004 * penalty)).abs() < 1e-12, "{above}");
+        assert!((near.fitness_of(0.1, 0.8) - (0.2 + 0.2 * penalty)).abs() < 1e-12);
+    }
+}
+
+#[test]
 fn invalid_goals_are_refused() {
     let goal = |point_mm, direction_deg, side, area, penalty| {
         let aim = Aim::new(point_mm, Motion::Along(direction_deg));
