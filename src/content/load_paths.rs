@@ -72,6 +72,8 @@ arrays! {
         wrinkled_fraction: Option<Vec<f64>> = array("wrinkled_fraction", "1", [point]),
         /// Number of motions out of the plane in which the flat membrane is unstable: it wrinkles or buckles.
         out_of_plane_unstable: Vec<u64> = array("out_of_plane_unstable", "1", [point]),
+        /// Largest electric field relative to the breakdown field, by Huang's law if the scene has none.
+        breakdown_ratio: Vec<f64> = array("breakdown_ratio", "1", [point]),
         /// The scene; where the voltage changes, its voltage is not used.
         scene: Scene = attribute("scene"),
     }

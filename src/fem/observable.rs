@@ -74,6 +74,7 @@ pub(super) fn states(scene: &Scene, model: &Model, grid: &Grid, pattern: &Patter
         pattern,
         loads: model.loads(),
         activity: &activity,
+        voltage: scene.voltage_v(),
         share: 1.0,
         u,
     })
@@ -85,6 +86,8 @@ pub(super) struct States<'a> {
     pub pattern: &'a Pattern,
     pub loads: &'a [f64],
     pub activity: &'a Activity,
+    /// Voltage of the full electrical load in V.
+    pub voltage: f64,
     /// Share of the full electrical load, which is proportional to V².
     pub share: f64,
     pub u: &'a [f64],
@@ -100,7 +103,7 @@ impl WithMaterial for States<'_> {
         let scale = Scale {
             prestretch: self.scene.mean_prestretch(),
             modulus: self.scene.shear_modulus_pa(),
-            voltage: self.share.sqrt() * self.scene.voltage_v(),
+            voltage: self.share.sqrt() * self.voltage,
             thickness: 1e-3 * self.scene.thickness_mm(),
         };
         let cells = match grid.order() {

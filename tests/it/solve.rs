@@ -285,6 +285,47 @@ fn a_path_finds_the_voltage_at_which_stability_is_lost() {
 }
 
 #[test]
+fn a_path_says_where_the_electric_field_exceeds_the_breakdown_field() {
+    let workspace = workspace("0 V");
+    workspace.write("half.csv", &csv(|x, _| x < 25));
+    let with_strength = |field: &str, voltage: &str| {
+        let effects = format!("effects: {{ dielectric_breakdown: {{ law: constant, field: {field} }} }}");
+        let scene = SCENE.replace("effects: {}", &effects).replace("VOLTAGE", voltage);
+        assert!(scene.contains(field));
+        workspace.write("scene.yaml", &scene);
+    };
+    let solve = |options: &[&str]| {
+        let ended = workspace.run(&[&["solve", "scene.yaml", "half.csv", "-o", "out.h5", "--json"], options].concat());
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        ended
+    };
+    with_strength("60 MV/m", "0 V");
+    let ended = solve(&["--path"]);
+    let path = ended.json()["paths"][0].clone();
+    let from = path["breakdown"]["voltage"].as_f64().unwrap();
+    assert!(from < path["limit"]["voltage"].as_f64().unwrap(), "{path}");
+    let said = workspace.run(&["solve", "scene.yaml", "half.csv", "-o", "out.h5", "--path"]);
+    let warning = "on the electric field exceeds the breakdown field, before the loss of stability (E/E_B up to ";
+    assert!(
+        said.stderr.contains(warning) || said.stdout.contains(warning),
+        "{}",
+        said.stderr
+    );
+    let ratios = column(&workspace, "out.h5", "breakdown_ratio");
+    assert!(ratios[0] == 0.0 && ratios.len() == path["points"].as_array().unwrap().len());
+
+    // That of a solution at this voltage: the path is interpolated between two of its points.
+    with_strength("60 MV/m", &format!("{from} V"));
+    solve(&[]);
+    let ratio = column(&workspace, "out.h5", "breakdown_ratio")[0];
+    assert!((ratio - 1.0).abs() < 0.005, "{ratio}");
+
+    with_strength("600 MV/m", "0 V");
+    let path = solve(&["--path"]).json()["paths"][0].clone();
+    assert!(path["breakdown"].is_null() && !path["limit"].is_null(), "{path}");
+}
+
+#[test]
 fn a_solution_that_a_finer_mesh_could_refuse_is_named() {
     // A single cell is lost at 6.02 kV; two bilinear elements per cell have a stable state up to 6.25 kV.
     for (voltage, near) in [("6.05 kV", true), ("5.42 kV", false), ("2 kV", false)] {

@@ -10,6 +10,7 @@ use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
 use deaflow_base::four_digits;
 use deaflow_content::{CoveredCells, DrawnElectrodes, LoadPaths, Packed, rotations, translations};
+use deaflow_fem::effects::breakdown_strength;
 use deaflow_fem::screening::resolve;
 use deaflow_fem::{
     CriticalSearch, CriticalVoltage, LoadPath, MeshLimit, NoPath, PathEvent, PathParameter, PathPoint, PathSolver,
@@ -107,9 +108,12 @@ impl Paths {
             })?;
             Ok(PatternPath { path: path?, critical })
         })?;
-        let warnings = paths.iter().enumerate().filter_map(|path| controlled.buckling(path));
+        let buckling = paths.iter().enumerate().filter_map(|path| controlled.buckling(path));
+        let is_assumed = breakdown_strength(&scene).is_none();
+        let breakdown = paths.iter().enumerate();
+        let breakdown = breakdown.filter_map(|path| controlled.breakdown(path, is_assumed));
         Ok(Self {
-            warnings: warnings.collect(),
+            warnings: breakdown.chain(buckling).collect(),
             content: load_paths(computation.patterns, &paths, scene),
             paths,
             controlled,
@@ -242,8 +246,7 @@ impl Controlled {
             PathParameter::Voltage => format!("{} V", four_digits(limit.voltage)),
             _ => self.text(limit.share),
         };
-        let stable = path.points.iter().take_while(|point| point.stable);
-        let most = stable.filter_map(|point| point.compressed).fold(0.0, f64::max);
+        let most = stable(path).filter_map(|point| point.compressed).fold(0.0, f64::max);
         let compressed = match most > 0.0 {
             true => format!(
                 "; up to {:.0} % of it is compressed: simulate `wrinkling`",
@@ -253,6 +256,25 @@ impl Controlled {
         };
         Some(format!(
             "pattern {index}: from {from} on the flat membrane wrinkles or buckles out of its plane{compressed}"
+        ))
+    }
+
+    /// Warns of an electric field that exceeds the breakdown field on the stable part of a path.
+    fn breakdown(&self, (index, PatternPath { path, .. }): (usize, &PatternPath), is_assumed: bool) -> Option<String> {
+        let (voltage, share) = breakdown_at(path)?;
+        let from = match self.parameter {
+            PathParameter::Voltage => format!("{} V", four_digits(voltage)),
+            _ => self.text(share),
+        };
+        let largest = stable(path).map(|point| point.breakdown_ratio).fold(0.0, f64::max);
+        let before = match path.limit() {
+            Some(_) => ", before the loss of stability",
+            None => "",
+        };
+        let assumed = if is_assumed { ", Huang's law assumed" } else { "" };
+        Some(format!(
+            "pattern {index}: from {from} on the electric field exceeds the breakdown field{before} (E/E_B up to \
+             {largest:.2}{assumed})"
         ))
     }
 
@@ -279,6 +301,33 @@ impl Controlled {
             limit,
         }
     }
+}
+
+/// The points of the stable part of a path.
+fn stable(path: &LoadPath) -> impl Iterator<Item = &PathPoint> {
+    path.points.iter().take_while(|point| point.stable)
+}
+
+/// The voltage, and the share of loads or displacements, at which the electric field reaches the breakdown field on the
+/// stable part of a path, between two of its points; `None` if it stays below.
+fn breakdown_at(path: &LoadPath) -> Option<(f64, f64)> {
+    let mut before = None::<&PathPoint>;
+    for point in stable(path) {
+        if point.breakdown_ratio >= 1.0 {
+            let Some(before) = before else {
+                return Some((point.voltage, point.share));
+            };
+            let step = point.breakdown_ratio - before.breakdown_ratio;
+            let part = (1.0 - before.breakdown_ratio) / step;
+            let between = |from: f64, to: f64| from + part * (to - from);
+            return Some((
+                between(before.voltage, point.voltage),
+                between(before.share, point.share),
+            ));
+        }
+        before = Some(point);
+    }
+    None
 }
 
 /// Lists the patterns.
@@ -329,6 +378,7 @@ fn document(PatternPath { path, critical }: &PatternPath, controlled: &Controlle
             "displacement": p.displacement,
             "smallest_eigenvalue": p.smallest_eigenvalue,
             "out_of_plane_unstable": p.out_of_plane_unstable,
+            "breakdown_ratio": p.breakdown_ratio,
             "negative_eigenvalues": p.negative_eigenvalues,
             "stable": p.stable,
         });
@@ -376,6 +426,7 @@ fn document(PatternPath { path, critical }: &PatternPath, controlled: &Controlle
         .map(|limit| json!({ "voltage": limit.voltage, "share": limit.share, "point": limit.point }));
     json!({
         "out_of_plane": out_of_plane,
+        "breakdown": breakdown_at(path).map(|(voltage, share)| json!({ "voltage": voltage, "share": share })),
         "limit": with_error.or_else(|| path.limit().as_ref().and_then(on_this_mesh)),
         "watched_corner": path.watched,
         "points": points.collect::<Vec<_>>(),
@@ -457,6 +508,7 @@ fn load_paths(patterns: &[Pattern], followed: &[PatternPath], scene: Scene) -> L
         rest: paths.iter().map(|path| path.rest.clone()).collect(),
         wrinkled_fraction: points().map(|p| p.compressed).collect(),
         out_of_plane_unstable: points().map(|p| p.out_of_plane_unstable as u64).collect(),
+        breakdown_ratio: points().map(|p| p.breakdown_ratio).collect(),
         scene,
     }
 }
@@ -505,7 +557,7 @@ fn points_table(paths: &[PatternPath], controlled: &Controlled) -> Result<String
     if points.any(|point| point.compressed.is_some()) {
         header.push("wrinkled_fraction".to_owned());
     }
-    header.push("out_of_plane_unstable".to_owned());
+    header.extend(["out_of_plane_unstable", "breakdown_ratio"].map(str::to_owned));
     let rows = paths.iter().enumerate().flat_map(|(index, PatternPath { path, .. })| {
         path.points.iter().enumerate().map(move |(row, point)| {
             let event = path.events.iter().find(|event| event.point == row);
@@ -532,6 +584,7 @@ fn points_table(paths: &[PatternPath], controlled: &Controlled) -> Result<String
             }
             row.extend(point.compressed.map(|share| share.to_string()));
             row.push(point.out_of_plane_unstable.to_string());
+            row.push(point.breakdown_ratio.to_string());
             row
         })
     });

@@ -15,7 +15,7 @@ use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
 use super::cells::compressed_fraction;
-use super::effects::WithMaterial;
+use super::effects::{WithMaterial, breakdown_ratio, breakdown_strength_or_default};
 use super::error::SetupError;
 use super::gauge::check_resisted;
 use super::layout::SIDES;
@@ -195,6 +195,8 @@ pub struct PathPoint {
     pub compressed: Option<f64>,
     /// In how many motions out of the plane the flat membrane is unstable: it wrinkles or buckles.
     pub out_of_plane_unstable: usize,
+    /// The largest electric field relative to the breakdown field, by Huang's law if the scene has none.
+    pub breakdown_ratio: f64,
 }
 
 /// What sides do in a state.
@@ -303,6 +305,7 @@ impl PathSolver {
             solver: &self.solver,
             pattern,
             activity: &self.solver.model.activity(&self.solver.grid, pattern),
+            loads: self.solver.model.loads(),
             voltage: self.solver.scene.voltage_v(),
             parameter: self.parameter,
             start: Some(first.displacement),
@@ -321,6 +324,7 @@ impl MembraneSolver {
             solver: self,
             pattern,
             activity: &model.activity(&self.grid, pattern),
+            loads: model.loads(),
             voltage,
             parameter: PathParameter::Voltage,
             start: None,
@@ -332,6 +336,8 @@ struct Follow<'a> {
     solver: &'a MembraneSolver,
     pattern: &'a Pattern,
     activity: &'a Activity,
+    /// The loads of the groups relative to the largest one.
+    loads: &'a [f64],
     /// Voltage at the full load.
     voltage: f64,
     parameter: PathParameter,
@@ -344,6 +350,7 @@ struct Checks {
     reactions: Option<[[f64; 2]; SIDES]>,
     compressed: Option<f64>,
     out_of_plane: usize,
+    breakdown_ratio: f64,
 }
 
 /// Data kept of a state: displacements of points are added when all are known.
@@ -375,6 +382,7 @@ impl Follow<'_> {
             stable: state.stable,
             compressed: checks.compressed,
             out_of_plane_unstable: checks.out_of_plane,
+            breakdown_ratio: checks.breakdown_ratio,
         };
         (point, grid.sample(&state.u))
     }
@@ -439,6 +447,7 @@ impl WithMaterial for Follow<'_> {
         let forces = SideForces::new(solver, self.pattern);
         let flat = FlatStability::new(&solver.grid)?;
         let mut watch = FlatWatch::default();
+        let strength = breakdown_strength_or_default(&solver.scene);
         let problem = solver.problem(self.activity, &material);
         let curve = match self.start.take() {
             Some(u) => Curve::through(&problem, self.parameter, u)?,
@@ -447,17 +456,17 @@ impl WithMaterial for Follow<'_> {
         let trace = follow(&curve, |state| {
             let [voltage, load] = self.parameter.shares(state.share);
             let law = material(voltage);
-            let compressed = (!law.wrinkles()).then(|| {
-                let states = States {
-                    scene: &solver.scene,
-                    pattern: self.pattern,
-                    loads: solver.model.loads(),
-                    activity: self.activity,
-                    share: voltage,
-                    u: &state.u,
-                };
-                compressed_fraction(&states.run(&material), solver.scene.shear_modulus_pa())
-            });
+            let states = States {
+                scene: &solver.scene,
+                pattern: self.pattern,
+                loads: self.loads,
+                activity: self.activity,
+                voltage: self.voltage,
+                share: voltage,
+                u: &state.u,
+            };
+            let states = states.run(&material);
+            let compressed = (!law.wrinkles()).then(|| compressed_fraction(&states, solver.scene.shear_modulus_pa()));
             let unstable = |u: &[f64], share: f64| {
                 let [voltage, _] = self.parameter.shares(share);
                 let law = material(voltage);
@@ -468,6 +477,7 @@ impl WithMaterial for Follow<'_> {
                 reactions: forces.as_ref().map(|forces| forces.at(&law, load, &state.u)),
                 compressed,
                 out_of_plane: watch.add(&state, unstable),
+                breakdown_ratio: breakdown_ratio(&strength, solver.scene.thickness_mm(), &states),
             };
             self.keep(state, checks)
         });
