@@ -22,7 +22,7 @@ use deaflow_scene::{Effects, Scene};
 use deaflow_store::{Artifact, Object};
 
 use own::{OwnCase, OwnPatterns};
-use solvers::{AmplitudeSolvers, Simulated, Solvers};
+use solvers::{AmplitudeSolvers, Simulated, Solvers, second_mesh};
 
 /// The default mesh.
 const MESH: Mesh = Mesh::bilinear(4);
@@ -42,7 +42,7 @@ impl Kind for VerifyKind {
     }
 
     fn recipe(&self) -> u32 {
-        5
+        6
     }
 
     fn separate_cost_parameters(&self) -> &'static [&'static str] {
@@ -322,10 +322,12 @@ impl VerifyStage {
                 };
                 let solvers = || {
                     let state = &states[0];
-                    let other = self.solver.with_comparison_mesh();
+                    let other = second_mesh(&self.solver);
                     Ok(AmplitudeSolvers {
                         own: solver(state, &self.solver)?,
-                        other: other.map(|other| solver(state, &other)).transpose()?,
+                        other: other
+                            .map(|(other, margin)| Ok((solver(state, &other)?, margin)))
+                            .transpose()?,
                         geometry: GeometryError::scenes(state)
                             .map(
                                 |scenes| match scenes.each_ref().map(|scene| solver(scene, &self.solver)) {

@@ -137,6 +137,111 @@ fn several() -> Workspace {
     workspace
 }
 
+#[test]
+fn designs_of_at_most_an_area_do_not_exceed_it() {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &scene_file());
+    let pipeline = "version: 1
+name: largest
+scene: scene.yaml
+stages:
+  ga:
+    kind: design
+    case: ga
+    objective: &right { point: [25 mm, 25 mm], direction: 0 deg }
+    area: { at_most: 30 % }
+    evaluator: chord:2
+    population: 40
+    generations: 4
+    refine: true
+    units: 20
+    seed: 1
+  gradient: { kind: design, case: gradient, method: adjoint, objective: *right, area: { at_most: 0.3 }, units: 20, starts: 2, seed: 1 }
+  wide: { kind: design, case: wide, method: adjoint, objective: *right, area: { at_most: 0.9 }, units: 20, starts: 2, seed: 1 }
+  verified: { kind: verify, needs: [ga, gradient, wide], elements_per_cell: 1 }
+";
+    workspace.write("largest.yaml", pipeline);
+    let ended = workspace.run(&["run", "largest.yaml", "--json"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let document = ended.json();
+    let result = &document["results"][0];
+    let of = |role: &str, case: &str| {
+        let rows = rows(result, role);
+        rows.into_iter().find(|row| row["case"] == case).unwrap()
+    };
+    let area = |row: &Value| row["area"].as_f64().unwrap();
+    for (role, case) in [("ga", "ga"), ("refined", "ga"), ("optimum", "gradient")] {
+        let row = of(role, case);
+        assert!(
+            (0.27..=0.3 + 1e-9).contains(&area(&row)) && row["status"] == "met",
+            "{row}"
+        );
+    }
+    // The best area of all is 37 %.
+    let wide = of("optimum", "wide");
+    assert!((0.3..0.45).contains(&area(&wide)) && wide["status"] == "met", "{wide}");
+    let said = workspace.run(&["run", "largest.yaml", "-v"]).stdout;
+    assert!(said.contains("area"), "{said}");
+    workspace.write("largest.yaml", &pipeline.replace("at_most: 30 %", "at_most: 130 %"));
+    let refused = workspace.refused(&["plan", "largest.yaml"]);
+    assert!(refused.contains("at_most") && refused.contains("130 %"), "{refused}");
+}
+
+/// The points of six targets, one of them with a fixed direction of its own.
+const SPREAD: &str = "version: 1
+name: spread
+scene: scene.yaml
+stages:
+  found:
+    kind: design
+    method: adjoint
+    targets:
+      - { name: a, objective: { point: [25 mm, 25 mm], direction: 0 deg } }
+      - { name: b, objective: { point: [12.5 mm, 25 mm], direction: 90 deg }, area: 0.3 }
+      - { name: c, objective: { point: [37.5 mm, 37.5 mm], direction: 45 deg }, area: 0.3 }
+      - { name: d, objective: { point: [10 mm, 40 mm], direction: 20 deg }, area: 0.2 }
+      - { name: e, objective: { point: [30 mm, 20 mm], displacement: [0.5 mm, 0.2 mm] }, area: free }
+      - { name: f, objective: { points: [{ point: [15, 25], direction: 180 }, { point: [35, 25], direction: 0 }] } }
+    units: 20
+    starts: 1
+    seed: 1
+";
+
+#[test]
+fn stated_errors_of_designs_cover_the_distance_from_a_fine_mesh() {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &scene_file());
+    let meshes = [(1, 1), (2, 1), (3, 1), (4, 1), (1, 2), (2, 2), (4, 2)];
+    let stage = |(elements, order): (usize, usize)| {
+        format!(
+            "  v{elements}{order}: {{ kind: verify, needs: [found], elements_per_cell: {elements}, order: {order} }}\n"
+        )
+    };
+    workspace.write("spread.yaml", &(SPREAD.to_owned() + &meshes.map(stage).concat()));
+    let ended = workspace.run(&["run", "spread.yaml", "--json"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let document = ended.json();
+    let found = |result: &Value| -> Vec<(f64, f64)> {
+        let number = |row: &Value, key: &str| row[key].as_f64().unwrap();
+        let rows = result["rows"].as_array().unwrap().iter();
+        rows.map(|row| (number(row, "simulated_mm"), number(row, "simulated_error_mm")))
+            .collect()
+    };
+    let results: Vec<Vec<(f64, f64)>> = document["results"].as_array().unwrap().iter().map(found).collect();
+    let (finest, coarser) = results.split_last().unwrap();
+    assert!(coarser.len() == 6 && finest.len() >= 15, "{results:?}");
+    for (mesh, rows) in meshes.iter().zip(coarser) {
+        for ((value, error), (reference, _)) in rows.iter().zip(finest) {
+            let distance = (value - reference).abs();
+            assert!(
+                *error >= distance && *error > 0.0,
+                "{mesh:?}: {value} +- {error}, {reference}"
+            );
+            assert!(*error < 0.05, "{mesh:?}: {value} +- {error}, {reference}");
+        }
+    }
+}
+
 fn rows(result: &Value, role: &str) -> Vec<Value> {
     let rows = result["rows"].as_array().unwrap().iter();
     rows.filter(|row| row["role"] == role).cloned().collect()
