@@ -239,7 +239,7 @@ def dead_loads(program):
         end, lost = broken(reached, lambda stretch: stretch**2)
         jumps = any(a[0] == b[0] for a, b in zip(reached, reached[1:]))
         strain = f"{100 * ((end[1] / rest) ** 2 - 1):.0f}{' after a jump' if jumps else ''}"
-        strain = "lost in the jump" if lost else strain
+        strain = "breakdown in the jump" if lost else strain
         print(f"{100 * load:.0f}; {rest:.2f}, {end[0] / 1e3:.2f}, {strain}; ", end="")
         states = [state for state in reached if state[0] < end[0]] + ([] if lost else [end])
         found.append((100 * load, [(v / 1e3, 100 * ((s / rest) ** 2 - 1)) for v, s in states], lost))
