@@ -6,13 +6,13 @@ use std::os::unix::net::UnixStream;
 
 use super::error::Failure;
 use super::limits;
-use super::message::{self, FileRequest, Reply};
+use super::message::{self, FileRequest, Reply, Started};
 use super::respond::Responder;
 
 /// The command that starts it. It is not for users.
 pub const COMMAND: &str = "read-hdf5";
 
-/// Responder requests from the socket on standard input until the other side closes it.
+/// Answers requests from the socket on standard input until the other side closes it. First it says that it runs.
 ///
 /// # Errors
 /// If standard input is not a connected socket, or the limits cannot be set.
@@ -21,6 +21,7 @@ pub fn serve() -> io::Result<()> {
     // Fails without a socket, while an error can still be printed.
     socket.peer_addr()?;
     limits::apply()?;
+    message::send(&mut socket, &Started, &[])?;
     let mut responder = Responder::default();
     while let Some(request) = message::receive::<FileRequest>(&mut socket)? {
         limits::allow_seconds()?;

@@ -17,6 +17,10 @@ use deaflow_base::{decode, encode};
 /// Maximum length of a message without elements, bytes.
 const MOST: u32 = 16 << 20;
 
+/// What a process sends when it runs, before any file is opened: if it ends earlier, no file is the cause.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct Started;
+
 /// A request for a file.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct FileRequest {

@@ -4,14 +4,14 @@ use std::io::{self, ErrorKind, Read};
 use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use super::elements::{self, Elements};
 use super::error::{HdfError, how};
 use super::limits::SECONDS;
-use super::message::{self, FileRequest, Reply, Response};
+use super::message::{self, FileRequest, Reply, Response, Started};
 
 /// The time that each response, and each MiB of elements, adds to the remaining time of a session, up to [`SECONDS`].
 /// So a file with many slow responses is given up, and a large file is not.
@@ -56,27 +56,52 @@ pub(super) enum Received {
 }
 
 impl Session {
-    /// Starts a process. It loads no plugins, which a file could request.
+    /// Starts a process and waits until it runs. It loads no plugins, which a file could request.
+    ///
+    /// # Errors
+    /// If it cannot be started, or ends before it runs, as where its program is not found.
     pub fn start(path: &Path) -> Result<Self, HdfError> {
-        let refused = |source: io::Error| HdfError::Process {
+        let reader = READER.get();
+        let command = reader.ok_or_else(|| HdfError::NoReader { path: path.to_owned() })?;
+        Self::of(command()).map_err(|source| HdfError::Process {
             path: path.to_owned(),
             source,
-        };
-        let mut command = READER
-            .get()
-            .ok_or_else(|| HdfError::NoReader { path: path.to_owned() })?();
-        let (socket, other) = UnixStream::pair().map_err(refused)?;
+        })
+    }
+
+    fn of(mut command: Command) -> io::Result<Self> {
+        let (socket, other) = UnixStream::pair()?;
         command
             .env("HDF5_PLUGIN_PRELOAD", "::")
             .env_remove("HDF5_PLUGIN_PATH")
             .stdin(OwnedFd::from(other))
             .stdout(Stdio::null())
             .stderr(Stdio::null());
-        Ok(Self {
-            child: command.spawn().map_err(refused)?,
+        let mut session = Self {
+            child: command.spawn()?,
             socket,
             left: Duration::from_secs(SECONDS),
-        })
+        };
+        let words = std::iter::once(command.get_program()).chain(command.get_args());
+        let words = words.map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" ");
+        // From here on the process alone has the other end of the socket, so reading ends when it does.
+        drop(command);
+        match session.wait_until_started() {
+            Ok(()) => Ok(session),
+            Err(error) => Err(io::Error::other(match session.end(&error) {
+                Some(status) => format!("`{words}` ended at once ({})", how(status)),
+                None => format!("`{words}` does not respond: {error}"),
+            })),
+        }
+    }
+
+    fn wait_until_started(&self) -> io::Result<()> {
+        let mut timed = Timed {
+            socket: &self.socket,
+            until: Instant::now() + self.left,
+        };
+        let _: Started = message::receive(&mut timed)?.ok_or(ErrorKind::UnexpectedEof)?;
+        Ok(())
     }
 
     /// Sends a request and waits for the response.
@@ -131,14 +156,19 @@ impl Session {
         if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) {
             return HdfError::Endless { path };
         }
+        let status = self.end(error);
+        let how = status.map_or_else(|| format!("its response cannot be read: {error}"), how);
+        HdfError::Broken { path, how }
+    }
+
+    /// Returns how the process ended, if an error of the socket means that it has.
+    fn end(&mut self, error: &io::Error) -> Option<ExitStatus> {
         // Its end of the socket is closed when it has ended; an invalid response may come from a running process.
         let has_ended = matches!(
             error.kind(),
             ErrorKind::UnexpectedEof | ErrorKind::BrokenPipe | ErrorKind::ConnectionReset
         );
-        let status = if has_ended { self.child.wait().ok() } else { None };
-        let how = status.map_or_else(|| format!("its response cannot be read: {error}"), how);
-        HdfError::Broken { path, how }
+        if has_ended { self.child.wait().ok() } else { None }
     }
 }
 
@@ -165,5 +195,28 @@ impl Read for Timed<'_> {
         self.socket.set_read_timeout(Some(left))?;
         let mut socket = self.socket;
         socket.read(buffer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_process_that_does_not_start_is_not_the_fault_of_a_file() {
+        let mut command = Command::new("sh");
+        command.args(["-c", "exit 7"]);
+        let Err(source) = Session::of(command) else {
+            panic!("it has ended");
+        };
+        let path = Path::new("fine.h5").to_owned();
+        let error = HdfError::Process { path, source };
+        let text = error.to_string();
+        assert!(!error.is_of_the_file());
+        assert!(
+            text.contains("fine.h5: `sh -c exit 7` ended at once (exit status: 7)"),
+            "{text}"
+        );
+        assert!(Session::of(Command::new("/there/is/no/program")).is_err());
     }
 }

@@ -14,8 +14,7 @@ use pyo3::prelude::*;
 
 /// Returns the words that start the command line: `python -m deaflow`.
 fn own_command(py: Python<'_>) -> PyResult<Vec<OsString>> {
-    let python: OsString = py.import("sys")?.getattr("executable")?.extract()?;
-    Ok(vec![python, "-m".into(), "deaflow".into()])
+    py.import("deaflow.process")?.call_method0("own_command")?.extract()
 }
 
 /// The compiled part of deaflow.

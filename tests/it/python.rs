@@ -469,6 +469,34 @@ print(seconds)
     assert!(seconds < 1.0, "{seconds} s");
 }
 
+#[test]
+fn a_package_that_only_sys_path_leads_to_reads_files_in_processes_of_its_own() {
+    let workspace = Workspace::small();
+    workspace.stages(&["run", "small.yaml", "--until", "small"]);
+    std::fs::create_dir(workspace.path("elsewhere")).unwrap();
+    install(&workspace.path("elsewhere"));
+    let message = |before: &str| {
+        let script = format!(
+            "import sys; sys.path.insert(0, 'elsewhere'); {before}
+import deaflow
+try: deaflow.Model.read('small', store='store')
+except deaflow.Error as error: print(error.message)"
+        );
+        let mut command = workspace.dressed(&super::h5py::python());
+        let output = command.args(["-B", "-c", &script]).output().unwrap();
+        String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned()
+    };
+    let read = message("");
+    assert!(read.contains("of kind `sample` is not a model"), "{read}");
+    // The message does not blame the file.
+    let not_started = message("sys.executable = 'false'");
+    assert!(
+        not_started.contains("false -m deaflow read-hdf5` ended at once (exit status: 1)"),
+        "{not_started}"
+    );
+    assert!(!not_started.contains("damaged"), "{not_started}");
+}
+
 fn printed(workspace: &Workspace, script: &str) -> String {
     let output = python(workspace, script);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Optional, Union
 
 from ._deaflow import Error
+from .process import own_command
 from .store import Artifact
 from .store import open as open_artifact
 from .values import to_value
@@ -89,7 +89,7 @@ def run(
     Error
         If the pipeline is invalid or a stage fails.
     """
-    words = [sys.executable, "-m", "deaflow", "run", os.fspath(pipeline), "--json"]
+    words = [*own_command(), "run", os.fspath(pipeline), "--json"]
     if progress != "bars":
         words += ["--progress", progress if isinstance(progress, str) else "json"]
     words += [f"--set={key}={to_value(value)}" for key, value in (overrides or {}).items()]
@@ -107,7 +107,7 @@ def _outcome(words: list[str], progress: Union[str, Callable[[dict[str, Any]], o
     errors: list[str] = []
     with tempfile.TemporaryFile("w+", encoding="utf-8") as printed:
         stderr = None if is_shown else subprocess.PIPE
-        process = subprocess.Popen(words, stdout=printed, stderr=stderr, encoding="utf-8", env=_environment())
+        process = subprocess.Popen(words, stdout=printed, stderr=stderr, encoding="utf-8")
         try:
             for line in process.stderr or ():
                 event = None if isinstance(progress, str) else _event(line)
@@ -135,13 +135,6 @@ def _event(line: str) -> Optional[dict[str, Any]]:
     except ValueError:
         return None
     return event if isinstance(event, dict) and "event" in event else None
-
-
-def _environment() -> dict[str, str]:
-    """Return the environment, in which the process finds the same package."""
-    package = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    paths = [package, *filter(None, [os.environ.get("PYTHONPATH")])]
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
 
 
 def _error(code: int, printed: str, errors: str) -> Error:
