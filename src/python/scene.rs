@@ -26,6 +26,8 @@ use pyo3::prelude::*;
 pub struct Scene {
     device: Device,
     notes: Vec<String>,
+    /// The options of the last call.
+    read: Mutex<Option<(String, SolverParameters)>>,
     /// The solvers of the last call.
     ready: Mutex<Option<Arc<Equilibria>>>,
 }
@@ -44,8 +46,20 @@ impl Scene {
         Self {
             device,
             notes,
+            read: Mutex::new(None),
             ready: Mutex::new(None),
         }
+    }
+
+    /// Reads the options of a call, unless they are those of the last one, so that a loop over patterns reads them once.
+    fn parameters(&self, text: &str) -> Result<SolverParameters, CliError> {
+        let mut last = self.read.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, parameters)) = last.as_ref().filter(|(known, _)| known == text) {
+            return Ok(parameters.clone());
+        }
+        let parameters = SolverParameters::from_text(text)?;
+        *last = Some((text.to_owned(), parameters.clone()));
+        Ok(parameters)
     }
 
     /// Returns the solvers for some parameters, those of the last call if they are the same.
@@ -153,9 +167,8 @@ impl Scene {
             return analysed(slf, &groups, shares.as_ref(), solver, Analysis::SpatialEquilibrium);
         }
         let (parameters, patterns) = (|| {
-            let parameters = SolverParameters::from_text(solver)?;
             Ok((
-                parameters,
+                slf.get().parameters(solver)?,
                 patterns(device.form(), &groups, shares.as_ref(), Keep::Cut)?,
             ))
         })()
@@ -262,8 +275,7 @@ impl Scene {
     /// --json` prints.
     fn screen(slf: &Bound<'_, Self>, groups: Option<Groups<'_>>, solver: &str) -> PyResult<String> {
         let device = &slf.get().device;
-        let read = SolverParameters::from_text(solver).map_err(CliError::from);
-        let limit = or_raised(slf, read)?.work_limit();
+        let limit = or_raised(slf, slf.get().parameters(solver))?.work_limit();
         let named = |(at, pattern)| TestPattern::new(&format!("pattern {at}"), pattern);
         let tests = groups.map(|groups| {
             let patterns = patterns(device.form(), &groups, None, Keep::Cut)?.into_iter();
@@ -371,8 +383,7 @@ fn analysed<'py>(
     solver: &str,
     analysis: Analysis,
 ) -> PyResult<Arrays<'py>> {
-    let read = SolverParameters::from_text(solver).map_err(CliError::from);
-    let parameters = or_raised(scene, read)?;
+    let parameters = or_raised(scene, scene.get().parameters(solver))?;
     let patterns = or_raised(scene, patterns(scene.get().device.form(), groups, shares, Keep::Cut))?;
     let of = scene.clone().unbind();
     let Analysed { arrays, warnings } = run(scene.py(), move || {
@@ -434,7 +445,7 @@ fn differentiated<'py>(
     let device = &scene.get().device;
     let raster = device.membrane().raster;
     let (parameters, patterns) = (|| {
-        let parameters = SolverParameters::from_text(solver)?;
+        let parameters = scene.get().parameters(solver)?;
         Ok((parameters, patterns(device.form(), groups, Some(shares), Keep::All)?))
     })()
     .map_err(|error: CliError| raised(py, &error))?;
