@@ -56,28 +56,41 @@ pub fn values_and_gradients(
     patterns: &[Pattern],
     functional: impl Fn(usize, &[Field]) -> ValueAndSlopes + Sync,
 ) -> Result<Vec<Option<ValueAndGradient>>, CliError> {
+    check_shares(scene)?;
+    let found = values_and_gradients_in_states(equilibria, patterns, &[patterns], functional)?.into_iter();
+    let in_all_states = |(value, forms): ValueAndGradients| (value, sum_of_states(&forms.concat()));
+    Ok(found.map(|found| found.map(in_all_states)).collect())
+}
+
+/// Checks that there are derivatives with respect to the covered shares.
+fn check_shares(scene: &Scene) -> Result<(), CliError> {
     if scene.geometry.sides.is_some() && resolve(scene)?.effects.electrode_stiffness.is_some() {
         // The state of rest would depend on the shares.
         let message = "there is no gradient of `electrode_stiffness` where sides are not held";
         return Err(CliError::bad_input(message).help("remove the effect, or hold the sides"));
     }
-    let found = values_and_gradients_in_states(equilibria, patterns, functional)?.into_iter();
-    let in_all_states = |(value, gradients): ValueAndGradients| {
-        let mut gradient = vec![0.0; gradients.first().map_or(0, Vec::len)];
-        for own in &gradients {
-            gradient.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
-        }
-        (value, gradient)
-    };
-    Ok(found.map(|found| found.map(in_all_states)).collect())
+    Ok(())
 }
 
-/// The value of a functional, and what its derivative owes to the cells in each state, `[y][x]`.
-type ValueAndGradients = (f64, Vec<Vec<f64>>);
+/// Returns the sum of what a derivative owes to the cells in each state.
+fn sum_of_states(states: &[Vec<f64>]) -> Vec<f64> {
+    let mut sum = vec![0.0; states.first().map_or(0, Vec::len)];
+    for own in states {
+        sum.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+    }
+    sum
+}
 
+/// The value of a functional, and what its derivative owes to the cells in each form and state, `[form][state]`, each
+/// `[y][x]`.
+type ValueAndGradients = (f64, Vec<Vec<Vec<f64>>>);
+
+/// Solves patterns once, and differentiates them in several forms: as whole cells, whose derivative is that with
+/// respect to the load of an electrode, or with shares, whose derivative is that of cutting cells.
 fn values_and_gradients_in_states(
     equilibria: &Equilibria,
     patterns: &[Pattern],
+    forms: &[&[Pattern]],
     functional: impl Fn(usize, &[Field]) -> ValueAndSlopes + Sync,
 ) -> Result<Vec<Option<ValueAndGradients>>, CliError> {
     for solver in equilibria.solvers() {
@@ -86,13 +99,17 @@ fn values_and_gradients_in_states(
     let solvers = equilibria.solvers().map(|solver| solver.on_one_mesh());
     let solvers: Vec<&MembraneSolver> = solvers.collect::<Result<_, SetupError>>()?;
     let each = patterns.par_iter().enumerate();
-    let of_pattern = |(at, pattern)| value_and_gradients(&solvers, pattern, |fields| functional(at, fields));
+    let of_pattern = |(at, pattern)| {
+        let forms: Vec<&Pattern> = forms.iter().map(|patterns| &patterns[at]).collect();
+        value_and_gradients(&solvers, pattern, &forms, |fields| functional(at, fields))
+    };
     Ok(each.map(of_pattern).collect())
 }
 
 fn value_and_gradients(
     solvers: &[&MembraneSolver],
     pattern: &Pattern,
+    forms: &[&Pattern],
     functional: impl Fn(&[Field]) -> ValueAndSlopes,
 ) -> Option<ValueAndGradients> {
     let solutions: Vec<MeshSolution> = solvers.iter().map(|solver| solver.solve(pattern)).collect();
@@ -104,9 +121,12 @@ fn value_and_gradients(
         .map(|(solver, solution)| solver.stroke(pattern, solution))
         .collect();
     let (value, slopes) = functional(&fields);
-    let in_states = solvers.iter().zip(&solutions).zip(&slopes);
-    let gradients = in_states.map(|((solver, solution), slope)| solver.gradient(pattern, solution, slope));
-    Some((value, gradients.collect::<Option<_>>()?))
+    let of_form = |form: &&Pattern| {
+        let in_states = solvers.iter().zip(&solutions).zip(&slopes);
+        let gradients = in_states.map(|((solver, solution), slope)| solver.gradient(form, solution, slope));
+        gradients.collect::<Option<Vec<_>>>()
+    };
+    Some((value, forms.iter().map(of_form).collect::<Option<_>>()?))
 }
 
 /// Returns the value of an objective and its derivatives: the displacement or force along the directions, or the

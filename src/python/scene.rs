@@ -307,11 +307,12 @@ impl Scene {
 
     /// Computes the value of an objective and its derivatives with respect to parameters of the scene, for each pattern
     /// of whole cells; NaN without a stable solution. That with respect to voltages has the axes pattern, state and
-    /// group, the others only the first of them.
-    #[pyo3(signature = (groups, objective_text, solver, parameters))]
+    /// group, the others only the first of them. With `shares` the last one is that with respect to them.
+    #[pyo3(signature = (groups, shares, objective_text, solver, parameters))]
     fn value_and_derivatives<'py>(
         slf: &Bound<'py, Self>,
         groups: Groups<'py>,
+        shares: Option<Shares<'py>>,
         objective_text: &str,
         solver: &str,
         parameters: Vec<String>,
@@ -321,17 +322,20 @@ impl Scene {
         let wanted = parameters.iter().map(|name| Parameter::find(name));
         let wanted: Vec<Parameter> = or_raised(slf, wanted.collect())?;
         let goal = or_raised(slf, objective(objective_text, device))?;
-        let solver = or_raised(slf, SolverParameters::from_text(solver).map_err(CliError::from))?;
-        let patterns = or_raised(slf, patterns(device.form(), &groups, None, Keep::Cut))?;
-        let (of, count, asked) = (slf.clone().unbind(), patterns.len(), wanted.clone());
+        let solver = or_raised(slf, slf.get().parameters(solver))?;
+        let whole = or_raised(slf, patterns(device.form(), &groups, None, Keep::Cut))?;
+        let cut = shares.map(|shares| patterns(device.form(), &groups, Some(&shares), Keep::All));
+        let cut = or_raised(slf, cut.transpose())?;
+        let (of, count, asked, with_shares) = (slf.clone().unbind(), whole.len(), wanted.clone(), cut.is_some());
         let found = run(py, move || {
             let scene = of.get();
             let equilibria = scene.equilibria(&solver)?;
-            values_and_derivatives(&equilibria, &scene.device, &patterns, &asked, &goal)
+            let patterns = (whole.as_slice(), cut.as_deref());
+            values_and_derivatives(&equilibria, &scene.device, patterns, &asked, &goal)
         })?;
         let values = found
             .iter()
-            .map(|found| found.as_ref().map_or(f64::NAN, |(value, _)| *value));
+            .map(|found| found.as_ref().map_or(f64::NAN, |found| found.value));
         let values = shaped(py, values.collect(), vec![count])?;
         let states = device.in_states().len();
         let derivatives = wanted.iter().enumerate().map(|(at, parameter)| {
@@ -342,11 +346,21 @@ impl Scene {
             let missing = vec![f64::NAN; shape.iter().product()];
             let each = found
                 .iter()
-                .map(|found| found.as_ref().map_or(&missing, |(_, own)| &own[at]));
+                .map(|found| found.as_ref().map_or(&missing, |found| &found.parameters[at]));
             let numbers: Vec<f64> = each.flatten().copied().collect();
             shaped(py, numbers, [vec![count], shape].concat())
         });
-        Ok((values, derivatives.collect::<PyResult<_>>()?))
+        let mut derivatives: Vec<_> = derivatives.collect::<PyResult<_>>()?;
+        if with_shares {
+            let raster = device.membrane().raster;
+            let missing = vec![f64::NAN; raster.cells()];
+            let each = found
+                .iter()
+                .map(|found| found.as_ref().map_or(&missing, |found| &found.coverage));
+            let numbers: Vec<f64> = each.flatten().copied().collect();
+            derivatives.push(shaped(py, numbers, vec![count, raster.rows(), raster.columns()])?);
+        }
+        Ok((values, derivatives))
     }
 
     /// Computes Σ weights · displacement and its gradient with respect to the covered shares, for each pattern; NaN
@@ -411,7 +425,7 @@ fn one_state(device: &Device, what: &str) -> Result<(), CliError> {
 /// A value for each pattern, and a gradient for each.
 type ValuesAndGradients<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>);
 
-/// A value for each pattern, and an array of derivatives for each parameter.
+/// A value for each pattern, and an array of derivatives for each parameter, then perhaps that for the shares.
 type ValuesAndDerivatives<'py> = (Bound<'py, PyAny>, Vec<Bound<'py, PyAny>>);
 
 /// Returns the weights of the corners for each of `count` patterns.

@@ -11,7 +11,7 @@ use deaflow::fem::screening::resolve;
 use deaflow::pattern::Pattern;
 use deaflow::scene::{Body, Effects, Scene};
 
-use super::{ValueAndGradients, value_and_slopes, values_and_gradients_in_states};
+use super::{ValueAndGradients, check_shares, sum_of_states, value_and_slopes, values_and_gradients_in_states};
 
 /// A parameter of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,11 +59,20 @@ impl Parameter {
     }
 }
 
-/// The value of an objective, and its derivative with respect to each parameter. That with respect to voltages has a
-/// number for each state and electrode group, `[state][group]`, the others have one.
-pub type ValueAndDerivatives = (f64, Vec<Vec<f64>>);
+/// The value of an objective, and its derivatives.
+pub struct ValueAndDerivatives {
+    /// The value.
+    pub value: f64,
+    /// With respect to each parameter. That with respect to voltages has a number for each state and electrode group,
+    /// `[state][group]`, the others have one.
+    pub parameters: Vec<Vec<f64>>,
+    /// With respect to the covered share of each cell, `[y][x]`, if asked for.
+    pub coverage: Vec<f64>,
+}
 
-/// Computes value and derivatives of an objective for each pattern; `None` for one without a stable solution.
+/// Computes value and derivatives of an objective for each pattern; `None` for one without a stable solution. `shares`
+/// are the same patterns with [shares](Pattern::of_shares), if the derivative with respect to them is wanted too: each
+/// pattern is solved once for all derivatives.
 ///
 /// # Errors
 /// When a pattern has cells that are covered in part, or the scene has effects or forces with which there is no such
@@ -71,7 +80,7 @@ pub type ValueAndDerivatives = (f64, Vec<Vec<f64>>);
 pub fn values_and_derivatives(
     equilibria: &Equilibria,
     scene: &Scene,
-    patterns: &[Pattern],
+    (patterns, shares): (&[Pattern], Option<&[Pattern]>),
     parameters: &[Parameter],
     goal: &Goal,
 ) -> Result<Vec<Option<ValueAndDerivatives>>, CliError> {
@@ -83,16 +92,27 @@ pub fn values_and_derivatives(
         check(scene, *parameter, goal)?;
     }
     let states: Vec<Scene> = scene.in_states().into_iter().map(|(_, scene)| scene).collect();
-    let found = values_and_gradients_in_states(equilibria, patterns, |_, fields| value_and_slopes(goal, fields))?;
+    if shares.is_some() {
+        check_shares(scene)?;
+    }
+    let forms: Vec<&[Pattern]> = [Some(patterns), shares].into_iter().flatten().collect();
+    let forms = &forms[usize::from(parameters.is_empty())..];
+    let solved = shares.unwrap_or(patterns);
+    let found = values_and_gradients_in_states(equilibria, solved, forms, |_, fields| value_and_slopes(goal, fields))?;
     let each = found.into_iter().zip(patterns);
     let derived = |(found, pattern): (Option<ValueAndGradients>, &Pattern)| {
-        let (value, gradients) = found?;
-        let in_states = states.iter().zip(&gradients);
+        let (value, mut forms) = found?;
+        let coverage = shares.and_then(|_| forms.pop()).unwrap_or_default();
+        let in_states = states.iter().zip(forms.iter().flatten());
         let in_states: Vec<(&Scene, Vec<f64>)> = in_states
             .map(|(state, gradient)| (state, of_groups(pattern, gradient, state.groups())))
             .collect();
         let of = |parameter: &Parameter| derivative(*parameter, scene, &in_states);
-        Some((value, parameters.iter().map(of).collect()))
+        Some(ValueAndDerivatives {
+            value,
+            parameters: parameters.iter().map(of).collect(),
+            coverage: sum_of_states(&coverage),
+        })
     };
     Ok(each.map(derived).collect())
 }

@@ -127,7 +127,10 @@ scene = deaflow.Scene({**base, **drive(5000.0)})
 many = np.array([cells, 0 * cells])
 value, both = scene.value_and_gradient(many, point, wrt=("voltage", "coverage"))
 expected, of_cells = scene.value_and_gradient(many, point)
-assert np.allclose(value, expected, atol=1e-12) and np.array_equal(both["coverage"], of_cells)
+# A pattern is solved once for all derivatives.
+assert np.array_equal(value, expected) and np.array_equal(both["coverage"], of_cells)
+_, alone = scene.value_and_gradient(many, point, wrt="voltage")
+assert np.allclose(both["voltage"], alone["voltage"], rtol=1e-6, atol=0)
 assert both["voltage"].shape == (2,) and both["voltage"][1] == 0
 _, unstable = deaflow.Scene({**base, **drive(14000.0)}).value_and_gradient(cells, point, wrt="voltage")
 assert np.isnan(unstable["voltage"])

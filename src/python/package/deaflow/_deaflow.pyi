@@ -95,6 +95,7 @@ class Scene:
     def value_and_derivatives(
         self,
         groups: NDArray[np.uint8],
+        shares: Optional[NDArray[np.float64]],
         objective_text: str,
         solver: str,
         parameters: list[str],

@@ -418,13 +418,7 @@ class Scene:
             if coverage is not None:
                 raise TypeError('`coverage` is for `wrt="coverage"`: other derivatives are those of whole cells')
             names = [wrt] if isinstance(wrt, str) else list(wrt)
-            parameters = [name for name in names if name != "coverage"]
-            value, found = self._derivatives(patterns, to_json(objective), solver, parameters)
-            if "coverage" in names:
-                groups, shares = _shares(patterns, None)
-                _, gradient = self._scene.value_and_gradient(groups, shares, to_json(objective), solver)
-                found["coverage"] = gradient[0] if np.ndim(patterns) == 2 else gradient
-            return value, found
+            return self._derivatives(patterns, to_json(objective), solver, names)
         groups, shares = _shares(patterns, coverage)
         values, gradient = self._scene.value_and_gradient(groups, shares, to_json(objective), solver)
         return (float(values[0]), gradient[0]) if np.ndim(patterns) == 2 else (values, gradient)
@@ -435,9 +429,12 @@ class Scene:
         groups, shares = _patterns(patterns, None)
         if shares is not None:
             raise TypeError("derivatives with respect to parameters are those of whole cells: integers or bools")
-        values, derivatives = self._scene.value_and_derivatives(groups, objective, solver, names)
+        parameters = [name for name in names if name != "coverage"]
+        if "coverage" in names:
+            _, shares = _shares(patterns, None)
+        values, derivatives = self._scene.value_and_derivatives(groups, shares, objective, solver, parameters)
         found: dict[str, Any] = {}
-        for name, each in zip(names, derivatives):
+        for name, each in zip([*parameters, "coverage"], derivatives):
             if name == "voltage":
                 # Axes of the states and of the electrode groups are left out where there is one.
                 each = each if self.states else each[:, 0]
