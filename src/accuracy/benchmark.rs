@@ -6,7 +6,7 @@ use super::error::AccuracyError;
 use super::families::Families;
 use super::reference::Reference;
 use super::timing::timed;
-use deaflow_base::Progress;
+use deaflow_base::{Interrupt, Progress};
 use deaflow_fem::GeometryError;
 use deaflow_field::Field;
 use deaflow_pattern::Pattern;
@@ -147,13 +147,19 @@ impl Benchmark {
         members.iter().map(|&i| self.errors[i]).fold(0.0, f64::max)
     }
 
-    /// Measures each method in turn, on one thread, so that times are those of one core. Progress counts methods.
+    /// Measures each method in turn, on one thread, so that times are those of one core. Progress counts methods. An
+    /// interrupt of this thread ends the measurements; they are then without meaning.
     ///
     /// # Errors
     /// When a method is not coarser than the reference, or cannot be evaluated.
     pub fn measure(&self, candidates: &[&Candidate], progress: &dyn Progress) -> Result<Vec<Measured>, AccuracyError> {
         self.reference.check(candidates.iter().copied())?;
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+        let interrupt = Interrupt::watched();
+        let watch = move |_| interrupt.clone().into_iter().for_each(Interrupt::watch);
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(1)
+            .start_handler(watch)
+            .build()?;
         candidates
             .iter()
             .map(|candidate| {

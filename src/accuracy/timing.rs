@@ -1,12 +1,12 @@
 //! The time that a method takes on one core.
 
-use deaflow_base::thread_seconds;
+use deaflow_base::{is_interrupted, thread_seconds};
 
 /// Work is repeated until it takes this many seconds, since the system counts the time on a core in milliseconds.
 const ENOUGH: f64 = 0.15;
 
 /// Returns the result of some work on this thread, and its time on one core in seconds. Short work is done once to warm
-/// up, and then repeated.
+/// up, and then repeated, until an interrupt.
 ///
 /// # Errors
 /// When the work fails.
@@ -14,7 +14,7 @@ pub fn timed<T, E>(mut work: impl FnMut() -> Result<T, E>) -> Result<(T, f64), E
     let start = thread_seconds();
     let result = work()?;
     let first = thread_seconds() - start;
-    if first >= ENOUGH {
+    if first >= ENOUGH || is_interrupted() {
         return Ok((result, first));
     }
     let (start, mut rounds) = (thread_seconds(), 0);
@@ -22,7 +22,7 @@ pub fn timed<T, E>(mut work: impl FnMut() -> Result<T, E>) -> Result<(T, f64), E
         work()?;
         rounds += 1;
         let spent = thread_seconds() - start;
-        if spent >= ENOUGH {
+        if spent >= ENOUGH || is_interrupted() {
             return Ok((result, spent / f64::from(rounds)));
         }
     }

@@ -29,6 +29,12 @@ impl Interrupt {
         (self.0)()
     }
 
+    /// Returns the one that this thread watches, for threads that it starts.
+    #[must_use]
+    pub fn watched() -> Option<Self> {
+        WATCHED.with_borrow(Clone::clone)
+    }
+
     /// Ends the computations of this thread from now on, once it is raised.
     pub fn watch(self) {
         WATCHED.set(Some(self));
@@ -62,9 +68,11 @@ mod tests {
             interrupt.watch();
             let before = is_interrupted();
             flag.store(true, Ordering::Relaxed);
-            (before, is_interrupted())
+            let passed_on = Interrupt::watched().is_some_and(|watched| watched.is_raised());
+            (before, is_interrupted(), passed_on)
         });
-        assert_eq!(watching.join().unwrap(), (false, true));
+        assert_eq!(watching.join().unwrap(), (false, true, true));
         assert!(!is_interrupted(), "this thread watches nothing");
+        assert!(Interrupt::watched().is_none());
     }
 }

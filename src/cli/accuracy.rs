@@ -2,23 +2,25 @@
 
 mod findings;
 mod networks;
+mod request;
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
 use findings::Findings;
+use serde_json::json;
+
+pub use request::{AccuracyRequest, MeasuredAccuracy, Networks, SolvedReference};
 
 use super::arguments::{StateArguments, StoreArguments, accuracy, integer};
 use super::pipeline::{read_scene, warn_of_units};
 use super::progress::Bar;
-use super::{CliError, Exit, Output, csv, job, model, write};
-use deaflow_accuracy::{AccuracyError, Benchmark, Candidate, Families, Measured, Network, Reference, drawn, given};
+use super::{CliError, Exit, Output, csv, job, write};
+use deaflow_accuracy::{Benchmark, Measured};
 use deaflow_base::{Document, Quantity, with_minus};
-use deaflow_pattern::{DrawingOptions, Pattern};
+use deaflow_pattern::DrawingOptions;
 use deaflow_report::figures::{Cost, FamilyCosts, accuracy_sheet};
-use deaflow_sample::Canvas;
-use deaflow_scene::Scene;
 use deaflow_stage::accuracy::content;
 use deaflow_stage::direct;
 use deaflow_store::{Provenance, write_file};
@@ -50,7 +52,7 @@ pub struct AccuracyArguments {
     pub families: bool,
     /// Number of patterns per family
     #[arg(long, value_name = "N", default_value_t = 12, help_heading = PATTERNS)]
-    #[arg(value_parser = integer::<u64>(1..=10_000))]
+    #[arg(value_parser = integer::<u64>(AccuracyRequest::PER_FAMILY))]
     pub count: u64,
     /// Seed of the families
     #[arg(long, value_name = "S", default_value_t = 1, help_heading = PATTERNS)]
@@ -74,7 +76,7 @@ pub struct AccuracyArguments {
     /// The reference; with `history: { at: [10 s] }` in it, the state at that time is compared, which the methods
     /// `history`
     /// and `creep:3` find too
-    #[arg(long, value_name = "YAML", default_value = "{ elements_per_cell: 8, order: 2 }")]
+    #[arg(long, value_name = "YAML", default_value = AccuracyRequest::REFERENCE)]
     pub reference: String,
     #[command(flatten)]
     pub state: StateArguments,
@@ -84,23 +86,20 @@ pub struct AccuracyArguments {
 const FILES: [&str; 3] = ["accuracy.h5", "accuracy.csv", "accuracy.png"];
 
 pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, CliError> {
-    let bad_input = |e: AccuracyError| CliError::bad_input(e.to_string());
-    let failed = |e: AccuracyError| CliError::failure(e.to_string());
-    let document = Document::from_text(Path::new("--reference"), &arguments.reference)?;
-    let reference = Reference::read(&document.root)?;
-    warn_of_units(&document, output);
+    let reference = Document::from_text(Path::new("--reference"), &arguments.reference)?;
+    let methods = arguments.methods.as_ref();
+    let methods = methods.map(|text| Document::from_text(Path::new("--methods"), text));
+    let methods = methods.transpose()?;
     let scene = arguments.state.of(read_scene(&arguments.scene, output)?)?;
-    // Checked before the reference is solved, which may take long.
-    reference.check_scene(&scene).map_err(bad_input)?;
-    let methods = methods(arguments, &scene, &reference, output)?;
-    let methods: Vec<&Candidate> = methods.iter().collect();
-    reference.check(methods.iter().copied()).map_err(bad_input)?;
-    for method in &methods {
-        method
-            .check_scene(&scene, reference.settings().time())
-            .map_err(bad_input)?;
+    let networks = Networks {
+        names: &arguments.model,
+        store: arguments.store.given().map(Path::to_path_buf),
+    };
+    let request = AccuracyRequest::new(scene, &reference, methods.as_ref(), &networks)?;
+    for document in [Some(&reference), methods.as_ref()].into_iter().flatten() {
+        warn_of_units(document, output);
     }
-    let (families, drawings) = families(arguments, &scene, output)?;
+    let request = on_patterns(request, arguments, output)?;
     // Checked before minutes of work.
     write::folder(&arguments.output)?;
     let [file, rows, figure] = FILES.map(|name| arguments.output.join(name));
@@ -108,16 +107,20 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     write::check_csv(&rows)?;
     write::check_file(&figure)?;
     let start = Instant::now();
-    let count: usize = families.values().map(Vec::len).sum();
-    let bar = Bar::new("reference", "patterns", count as u64);
-    let benchmark = Benchmark::new(scene, reference, families, &drawings, &bar).map_err(failed)?;
+    let bar = Bar::new("reference", "patterns", request.patterns() as u64);
+    let solved = request.solve(&bar)?;
     bar.clear();
-    let bar = Bar::new("measure", "methods", methods.len() as u64);
-    let measured = benchmark.measure(&methods, &bar).map_err(failed)?;
+    let bar = Bar::new("measure", "methods", solved.methods() as u64);
+    let MeasuredAccuracy { benchmark, measured } = solved.measure(&bar)?;
     bar.clear();
     let files = write_files(arguments, &benchmark, &measured, start, output)?;
-    let findings = Findings::new(arguments, &benchmark, &measured);
-    output.result(|| findings.document(&files), || findings.text(&files))?;
+    let findings = Findings::new(&benchmark, &measured, arguments.target);
+    let document = || {
+        let mut document = findings.document();
+        document["files"] = json!(files);
+        document
+    };
+    output.result(document, || findings.text(&arguments.scene, &files))?;
     Ok(if findings.is_missed() {
         Exit::Failure
     } else {
@@ -125,51 +128,27 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
     })
 }
 
-fn methods(
+/// Measures on the named patterns, or else on families.
+fn on_patterns(
+    request: AccuracyRequest,
     arguments: &AccuracyArguments,
-    scene: &Scene,
-    reference: &Reference,
     output: &Output,
-) -> Result<Vec<Candidate>, CliError> {
-    let mut networks = Vec::new();
-    for model in &arguments.model {
-        let bytes = model::weights(model, &arguments.store.folder_of_any([model]))?;
-        let network = Network::from_bytes(&bytes);
-        networks.push(network.map_err(|e| CliError::bad_input(format!("cannot use {model}: {e}")))?);
-    }
-    let Some(text) = &arguments.methods else {
-        let usual = Candidate::usual_in(scene, reference.settings().time());
-        return Ok(usual.into_iter().chain(Candidate::networks(networks)).collect());
-    };
-    let document = Document::from_text(Path::new("--methods"), text)?;
-    let methods = Candidate::read_with_models(&document.root, networks)?;
-    warn_of_units(&document, output);
-    Ok(methods)
-}
-
-/// Returns the patterns by family, and given ones as drawn; these are a family of their own.
-fn families(
-    arguments: &AccuracyArguments,
-    scene: &Scene,
-    output: &Output,
-) -> Result<(Families, Vec<Pattern>), CliError> {
+) -> Result<AccuracyRequest, CliError> {
     let own = [arguments.patterns.as_slice(), &arguments.own].concat();
     if own.is_empty() {
-        let canvas = Canvas::of(&scene.membrane());
-        let families = drawn(&canvas, arguments.count, arguments.seed);
-        return Ok((families.map_err(|e| CliError::bad_input(e.to_string()))?, Vec::new()));
+        return request.on_families(arguments.count, arguments.seed);
     }
     let direct::NamedPatterns {
         patterns,
         notes,
         drawings,
         ..
-    } = direct::patterns(&own, scene.form(), &DrawingOptions::default())?;
+    } = direct::patterns(&own, request.scene().form(), &DrawingOptions::default())?;
     notes.iter().for_each(|note| output.warn(note));
     if patterns.is_empty() {
         return Err(CliError::bad_input("the files contain no patterns"));
     }
-    Ok((given(patterns), drawings))
+    Ok(request.on_patterns(patterns, drawings))
 }
 
 fn write_files(

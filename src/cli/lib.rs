@@ -83,6 +83,8 @@ use output::Output;
 use deaflow_base as base;
 use deaflow_hdf as hdf;
 
+pub use accuracy::{AccuracyRequest, MeasuredAccuracy, Networks, SolvedReference};
+pub use arguments::accuracy as read_accuracy;
 pub use decisions::decide;
 pub use error::CliError;
 pub use output::Exit;

@@ -8,9 +8,10 @@ use super::error::raised;
 use super::gradient::parameter::{Parameter, values_and_derivatives};
 use super::gradient::{ValueAndSlopes, objective, value_and_slopes, values_and_gradients};
 use super::work::run;
-use deaflow::base::Progress;
+use deaflow::base::{Document, Progress};
 use deaflow::cli::{
-    self, Analysed, Analysis, CliError, Computation, Equilibria, Frequencies, OutputTimes, SolveRequest,
+    self, AccuracyRequest, Analysed, Analysis, CliError, Computation, Equilibria, Frequencies, Networks, OutputTimes,
+    SolveRequest,
 };
 use deaflow::fem::screening::TestPattern;
 use deaflow::fem::{MOST_MODES, PathParameter, SetupError, SolverParameters};
@@ -285,6 +286,45 @@ impl Scene {
         let device = device.clone();
         run(slf.py(), move || {
             Ok(cli::screen(device, tests, limit)?.document().to_string())
+        })
+    }
+
+    /// Measures error and time of methods on patterns, or else on families; returns what `deaflow accuracy --json`
+    /// prints, without files. `networks` has the names of models and their store, `families` the number of patterns of
+    /// each and the seed.
+    #[pyo3(signature = (groups, *, reference, methods, target, networks, families))]
+    fn accuracy(
+        slf: &Bound<'_, Self>,
+        groups: Option<Groups<'_>>,
+        reference: Option<&str>,
+        methods: Option<&str>,
+        target: Option<&str>,
+        networks: (Vec<String>, Option<PathBuf>),
+        families: (u64, u64),
+    ) -> PyResult<String> {
+        let device = &slf.get().device;
+        let request = || -> Result<_, CliError> {
+            let refused = |why: String| CliError::bad_input(format!("`target`: {why}"));
+            let target = target.map(cli::read_accuracy).transpose().map_err(refused)?;
+            let reference =
+                Document::from_text(Path::new("reference"), reference.unwrap_or(AccuracyRequest::REFERENCE))?;
+            let methods = methods.map(|text| Document::from_text(Path::new("methods"), text));
+            let (names, store) = networks;
+            let networks = Networks { names: &names, store };
+            let request = AccuracyRequest::new(device.clone(), &reference, methods.transpose()?.as_ref(), &networks)?;
+            let request = match groups {
+                Some(groups) => {
+                    let patterns = patterns(device.form(), &groups, None, Keep::Cut)?;
+                    request.on_patterns(patterns, Vec::new())
+                }
+                None => request.on_families(families.0, families.1)?,
+            };
+            Ok((request, target))
+        };
+        let (request, target) = or_raised(slf, request())?;
+        run(slf.py(), move || {
+            let measured = request.solve(&Unseen)?.measure(&Unseen)?;
+            Ok(measured.document(target).to_string())
         })
     }
 

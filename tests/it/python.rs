@@ -198,6 +198,63 @@ print(json.dumps(scene.screen({call})))"
 }
 
 #[test]
+fn accuracy_is_measured_as_by_the_command() {
+    let workspace = with_scenes();
+    let reference = "{ elements_per_cell: 2, order: 2 }";
+    let methods = "[linear, { elements_per_cell: 1 }, { accuracy: 0.1 mm }]";
+    for (words, call) in [
+        (&["--count", "2", "--seed", "3"][..], "count=2, seed=3"),
+        (
+            &["--target", "0.1 mm", "--patterns", "patterns.npy"],
+            "patterns, target=0.1",
+        ),
+    ] {
+        let line = [
+            "accuracy",
+            "plain.yaml",
+            "-o",
+            "out",
+            "--json",
+            "--reference",
+            reference,
+            "--methods",
+            methods,
+        ];
+        let ended = workspace.run(&[&line[..], words].concat());
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        let script = format!(
+            "import deaflow, json, numpy
+scene, patterns = deaflow.Scene.read('plain.yaml'), numpy.load('patterns.npy')
+found = scene.accuracy({call}, reference={{'elements_per_cell': 2, 'order': 2}},
+    methods=['linear', {{'elements_per_cell': 1}}, {{'accuracy': '0.1 mm'}}])
+print(json.dumps(found))"
+        );
+        let mut found: Value = serde_json::from_str(&printed(&workspace, &script)).unwrap();
+        let mut expected = ended.json();
+        let seconds = found["methods"][0]["seconds_per_pattern"].as_f64().unwrap();
+        assert!(seconds > 0.0);
+        assert_eq!(found["target"]["reached"], expected["target"]["reached"]);
+        for document in [&mut found, &mut expected] {
+            without_times(document);
+        }
+        assert_eq!(found, expected, "{call}");
+    }
+}
+
+/// Removes times, and what depends on them.
+fn without_times(document: &mut Value) {
+    let object = document.as_object_mut().unwrap();
+    object.retain(|key, _| !["files", "target"].contains(&key.as_str()));
+    for method in object["methods"].as_array_mut().unwrap() {
+        let method = method.as_object_mut().unwrap();
+        method.retain(|key, _| !["seconds_per_pattern", "front", "batch"].contains(&key.as_str()));
+        for family in method["families"].as_object_mut().unwrap().values_mut() {
+            assert!(family.as_object_mut().unwrap().remove("seconds_per_pattern").is_some());
+        }
+    }
+}
+
+#[test]
 fn membranes_are_drawn_where_they_have_moved_to() {
     let workspace = with_scenes();
     let error = "import sys; sys.modules['matplotlib'] = None
@@ -347,6 +404,12 @@ fn what_is_not_a_pattern_is_refused() {
         "plain.response(one, [1, 2], points=3)",
         "inflated.solve(one, cells=True)",
         "inflated.solve(one, accuracy='0.1 mm')",
+        "plain.accuracy(one / 2)",
+        "plain.accuracy(one > 0, target='1 V')",
+        "plain.accuracy(count=0)",
+        "plain.accuracy(one > 0, methods=['linear', 'linear'])",
+        "plain.accuracy(one > 0, reference={'order': 2}, methods=[{'elements_per_cell': 4, 'order': 2}])",
+        "plain.accuracy(one > 0, models=['there-is-none.safetensors'])",
         "plain.value_and_gradient(one, {'point': ['25 mm', '25 mm']})",
         "plain.value_and_gradient(one, {'point': ['25 mm', '60 mm'], 'direction': '0 deg'})",
         "plain.value_and_gradient(one, {'point': ['25 mm', '5 mm'], 'direction': '0 deg', 'time': '1 s'})",

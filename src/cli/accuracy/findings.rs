@@ -1,15 +1,16 @@
 //! The report of the measurements, for people and for programs.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-use super::{AccuracyArguments, millimetres, networks};
+use super::{millimetres, networks};
 use crate::table;
 use crate::text::Text;
 use crate::write;
 use deaflow_accuracy::{Benchmark, FamilyError, Measured};
+use deaflow_base::Quantity;
 use deaflow_report::figures::pareto_front;
 
 /// Returns the methods that no other beats in both time and root mean square error, over all families.
@@ -75,23 +76,23 @@ fn flags(settings: &str) -> String {
 
 /// The measurements and their evaluation.
 pub struct Findings<'a> {
-    arguments: &'a AccuracyArguments,
     benchmark: &'a Benchmark,
     measured: &'a [Measured],
+    target: Option<Quantity>,
     front: Vec<usize>,
     /// With a target, the method that reaches it, if any.
     chosen: Option<Option<&'a Measured>>,
 }
 
 impl<'a> Findings<'a> {
-    /// Evaluates the measurements for the target of the command line, if any.
-    pub fn new(arguments: &'a AccuracyArguments, benchmark: &'a Benchmark, measured: &'a [Measured]) -> Self {
+    /// Evaluates the measurements for a target, if any.
+    pub fn new(benchmark: &'a Benchmark, measured: &'a [Measured], target: Option<Quantity>) -> Self {
         Self {
-            arguments,
             benchmark,
             measured,
+            target,
             front: front(measured),
-            chosen: arguments.target.map(|target| cheapest(measured, target.value())),
+            chosen: target.map(|target| cheapest(measured, target.value())),
         }
     }
 
@@ -100,15 +101,15 @@ impl<'a> Findings<'a> {
         matches!(self.chosen, Some(None))
     }
 
-    /// Formats the report for people.
-    pub fn text(&self, files: &[PathBuf]) -> Text {
+    /// Formats the report for people, about a scene in a file, with the written files.
+    pub fn text(&self, scene: &Path, files: &[PathBuf]) -> Text {
         let mut text = Text::of(self.table());
         let mut parts = vec![self.notes()];
         parts.extend(networks::describe(self.measured));
         parts.extend(self.verdict());
         text.line(parts.join("\n"));
         if let Some(Some(method)) = self.chosen {
-            let scene = self.arguments.scene.to_string_lossy().into_owned();
+            let scene = scene.to_string_lossy().into_owned();
             let scene = shlex::try_quote(&scene).map_or_else(|_| scene.clone(), |quoted| quoted.into_owned());
             text.command(format!(
                 "  deaflow solve {scene} PATTERN… -o OUT.h5 {}",
@@ -204,7 +205,7 @@ impl<'a> Findings<'a> {
     }
 
     fn verdict(&self) -> Option<String> {
-        let target = self.arguments.target?;
+        let target = self.target?;
         Some(match self.chosen? {
             Some(method) => format!(
                 "fastest within {target}: {{ {} }}, bound {} mm, {:.2} ms per pattern, measured on {}{}",
@@ -235,7 +236,7 @@ impl<'a> Findings<'a> {
     }
 
     /// Formats the report for programs.
-    pub fn document(&self, files: &[PathBuf]) -> Value {
+    pub fn document(&self) -> Value {
         let method = |(i, method): (usize, &Measured)| {
             let families: BTreeMap<&str, Value> = self
                 .benchmark
@@ -257,7 +258,7 @@ impl<'a> Findings<'a> {
             })
         };
         let methods: Vec<Value> = self.measured.iter().enumerate().map(method).collect();
-        let target = self.arguments.target.map(|target| {
+        let target = self.target.map(|target| {
             let chosen = self.chosen.flatten();
             json!({
                 "mm": target.value(),
@@ -281,7 +282,6 @@ impl<'a> Findings<'a> {
             },
             "methods": methods,
             "target": target,
-            "files": files,
         })
     }
 }

@@ -84,6 +84,16 @@ class Scene:
         range: Optional[str],
         points: Optional[int],
     ) -> Found: ...
+    def accuracy(
+        self,
+        groups: Optional[NDArray[np.uint8]],
+        *,
+        reference: Optional[str],
+        methods: Optional[str],
+        target: Optional[str],
+        networks: tuple[list[str], Optional[str]],
+        families: tuple[int, int],
+    ) -> str: ...
     def screen(self, groups: Optional[NDArray[np.uint8]], solver: str) -> str: ...
     def value_and_gradient(
         self,

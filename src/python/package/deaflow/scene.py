@@ -367,6 +367,68 @@ class Scene:
         found: dict[str, Any] = json.loads(self._scene.screen(groups, solver))
         return found
 
+    def accuracy(
+        self,
+        patterns: Optional[ArrayLike] = None,
+        *,
+        target: Union[str, float, None] = None,
+        methods: Optional[Sequence[Union[str, Mapping[str, Any]]]] = None,
+        reference: Optional[Mapping[str, Any]] = None,
+        models: Sequence[str] = (),
+        store: Optional[PathLike] = None,
+        count: int = 12,
+        seed: int = 1,
+    ) -> dict[str, Any]:
+        """Measure error and time of methods and meshes, as ``deaflow accuracy`` does.
+
+        The reference uses all cores, the methods one.
+
+        Parameters
+        ----------
+        patterns : array of int or bool, (n, ny, nx) or (ny, nx), optional
+            The patterns to measure on; by default `count` of each of twelve families, which are drawn with `seed`.
+        target : str or float, optional
+            Find the fastest setting with an error of at most this, such as ``"0.01 mm"``, or a number in mm.
+        methods : sequence of str and mapping, optional
+            The methods, such as ``["linear", "chord:1", {"elements_per_cell": 4, "order": 2}]``; by default the usual
+            ones of the scene.
+        reference : mapping, optional
+            The keys of a ``solve`` stage; ``{"elements_per_cell": 8, "order": 2}`` by default. With
+            ``"history": {"at": ["10 s"]}`` the states at that time are compared.
+        models : sequence of str, optional
+            Trained networks to measure too, each named as for `Model.read`.
+        store : path, optional
+            The folder of the store with the networks; by default that of the command.
+
+        Returns
+        -------
+        dict
+            What ``deaflow accuracy --json`` prints, without files: ``"methods"``, a list of dicts with `settings`,
+            `rms_mm`, `max_mm`, `bound_mm`, `seconds_per_pattern`, `front` and others; ``"reference"`` with its
+            `error_mm`; ``"target"`` with the `settings` that reach it.
+
+        Raises
+        ------
+        Error
+            If a method or a pattern is invalid, or a method is not coarser than the reference.
+        """
+        groups = None
+        if patterns is not None:
+            groups, shares = _patterns(patterns, None)
+            if shares is not None:
+                raise TypeError("accuracy is measured on whole cells: patterns are integers or bools, not floats")
+        found: dict[str, Any] = json.loads(
+            self._scene.accuracy(
+                groups,
+                reference=None if reference is None else to_json(reference),
+                methods=None if methods is None else to_json(list(methods)),
+                target=None if target is None else with_unit(target, "mm"),
+                networks=(list(models), None if store is None else os.fspath(store)),
+                families=(count, seed),
+            )
+        )
+        return found
+
     def value_and_gradient(
         self,
         patterns: ArrayLike,
