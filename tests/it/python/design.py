@@ -1,6 +1,7 @@
 """Designs have the bits of a stage of a pipeline, and a callback is told about each generation and step."""
 
 import os
+import sys
 
 import numpy as np
 
@@ -54,3 +55,11 @@ for wrong, keys in (({"point": ["25 mm", "25 mm"]}, {}), (objective, {"method": 
     except deaflow.Error as error:
         assert error.code == 2 and error.message, error
 assert not [name for name in os.listdir() if name.startswith("deaflow-")]
+
+# Without h5py there is no search whose result could not be read.
+sys.modules["h5py"], told = None, []
+try:
+    scene.design(objective, callback=told.append)
+    raise SystemExit("no error")
+except ImportError as error:
+    assert "h5py" in str(error) and not told

@@ -10,13 +10,17 @@ Arrays are those of the HDF5 files of the command `deaflow`: ``[sample][y][x]`` 
 corner, vectors last, displacements in mm. See docs/python.md.
 """
 
+from typing import TYPE_CHECKING, Any
+
 from ._deaflow import Error, __version__
-from .arrays import Arrays, NotFound
-from .model import Model
-from .pipeline import PipelineRun, run
-from .result import Result
-from .scene import Scene
-from .store import Artifact, Run, StoreError, load, open, runs
+
+if TYPE_CHECKING:
+    from .arrays import Arrays, NotFound
+    from .model import Model
+    from .pipeline import PipelineRun, run
+    from .result import Result
+    from .scene import Scene
+    from .store import Artifact, Run, StoreError, load, open, runs
 
 __all__ = [
     "Arrays",
@@ -36,6 +40,16 @@ __all__ = [
     "runs",
 ]
 
-# Messages and documentation name them as users do.
-for _public in (Arrays, Artifact, Model, NotFound, PipelineRun, Result, Run, Scene, StoreError, load, open, run, runs):
-    _public.__module__ = __name__
+
+def __getattr__(name: str) -> Any:
+    """Import what needs numpy when it is first used: the command starts without."""
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from . import public
+
+    globals().update({name: getattr(public, name) for name in public.__all__})
+    return globals()[name]
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Callable, Mapping
 from typing import Any, Optional, Union
 
+from .arrays import needed
 from .pipeline import run
 from .result import Result
 from .values import to_json
@@ -27,6 +28,8 @@ def design(
         if callback is not None and event["event"] == "note":
             callback(event["text"])
 
+    # Reads the result: without it a long search would be lost.
+    needed("h5py")
     with tempfile.TemporaryDirectory(prefix="deaflow-") as folder:
         pipeline = os.path.join(folder, "design.yaml")
         stages = to_json({"design": {"kind": "design", **stage}})
