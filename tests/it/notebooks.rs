@@ -61,6 +61,11 @@ fn the_notebook_with_measurements_and_creep_runs() {
 }
 
 #[test]
+fn the_notebook_beside_felupe_and_scikit_fem_runs() {
+    run("peers");
+}
+
+#[test]
 fn every_notebook_is_run_here() {
     let folder: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/notebooks");
     let mut names: Vec<String> = std::fs::read_dir(folder)
@@ -70,6 +75,12 @@ fn every_notebook_is_run_here() {
     names.sort();
     assert_eq!(
         names,
-        ["design.ipynb", "first-steps.ipynb", "measured.ipynb", "network.ipynb"]
+        [
+            "design.ipynb",
+            "first-steps.ipynb",
+            "measured.ipynb",
+            "network.ipynb",
+            "peers.ipynb"
+        ]
     );
 }
