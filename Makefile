@@ -15,12 +15,13 @@ BASH_FILE := $(SHARE)/bash-completion/completions/deaflow
 ZSH_FILE := $(SHARE)/zsh/site-functions/_deaflow
 FISH_FILE := $(SHARE)/fish/vendor_completions.d/deaflow.fish
 
-.PHONY: help demo build schema install uninstall test test-all check fmt clippy doc deny bench
+.PHONY: help demo build wheel schema install uninstall test test-all check fmt clippy doc deny bench
 
 help:
 	@echo "make demo      run pipelines/quickstart.yaml; figures and artifacts go to $(STORE)/"
 	@echo "make install   install the program, its manual pages and completions below $(PREFIX)"
 	@echo "make uninstall remove them"
+	@echo "make wheel     build the Python package, install it into a new environment and try it"
 	@echo "make test      run the tests"
 	@echo "make test-all  also let other programs read what is written: installs some 1.4 GB"
 	@echo "make check     formatting, lints, documentation, dependencies, layering"
@@ -33,6 +34,9 @@ build:
 	@.ci/install-missing build
 	cargo build --release --locked --bin deaflow
 	@$(MAKE) --no-print-directory schema
+
+wheel:
+	.ci/wheel
 
 # Editors complete and check the files in pipelines/ by these schemas; the program prints them, so they are not in the repository.
 schema:

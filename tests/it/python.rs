@@ -537,6 +537,38 @@ from deaflow.__main__ import main; sys.argv = ['deaflow', '--version']; sys.exit
     assert!(printed(&Workspace::new(), command).starts_with("deaflow "));
 }
 
+/// The wheel itself takes a release build: `make wheel` tries it.
+#[test]
+fn the_metadata_of_the_wheel_fit_the_package() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let script = r#"
+import importlib, pathlib, re, sys, tomllib
+root = pathlib.Path(sys.argv[1])
+about = tomllib.loads((root / "pyproject.toml").read_text())
+crate = tomllib.loads((root / "Cargo.toml").read_text())["workspace"]
+project, build = about["project"], about["tool"]["maturin"]
+assert (root / build["manifest-path"]).is_file()
+sources = root / build["python-source"]
+package, library = build["module-name"].split(".")
+assert hasattr(importlib.import_module(f"{package}.{library}"), "Scene")
+assert {"py.typed", f"{library}.pyi"} <= {file.name for file in (sources / package).iterdir()}
+module, function = project["scripts"]["deaflow"].split(":")
+assert callable(getattr(importlib.import_module(module), function))
+import deaflow
+assert project["dynamic"] == ["version"] and deaflow.__version__ == crate["package"]["version"]
+# One library for all versions of CPython from the least one on.
+abi = next(one for one in crate["dependencies"]["pyo3"]["features"] if one.startswith("abi3-py3"))
+assert project["requires-python"] == f">=3.{abi.removeprefix('abi3-py3')}"
+assert project["license"] == crate["package"]["license"] and list(root.glob(project["license-files"][0]))
+texts = "".join(file.read_text() for file in (sources / package).glob("*.py"))
+named = {one for extra in project["optional-dependencies"].values() for one in extra}
+assert set(re.findall(r'needed\("(\w+)', texts)) == named, named
+print(len(named))
+"#;
+    let output = run(&Workspace::new(), &["-c", script, root.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
 #[test]
 fn a_package_that_only_sys_path_leads_to_reads_files_in_processes_of_its_own() {
     let workspace = Workspace::small();
