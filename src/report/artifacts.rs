@@ -53,6 +53,18 @@ impl RunArtifacts<'_> {
             })
             .collect()
     }
+
+    /// Returns the stages of earlier rounds, of which a later round is built.
+    #[must_use]
+    pub fn superseded(&self) -> Vec<&str> {
+        let is_built = |name: &&String| self.stages.iter().any(|made| made.stage == **name);
+        let earlier = self.rounds.iter().flat_map(|rounds| {
+            let done: Vec<&String> = rounds.stages.iter().filter(is_built).collect();
+            let last = done.len().saturating_sub(1);
+            done.into_iter().take(last)
+        });
+        earlier.map(String::as_str).collect()
+    }
 }
 
 /// An artifact with its stage, which error messages name.

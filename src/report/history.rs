@@ -156,18 +156,6 @@ impl PipelineHistory {
         self.stages.iter().filter_map(made).collect()
     }
 
-    /// Returns the stages of earlier rounds, of which a later round is built.
-    #[must_use]
-    pub fn superseded(&self) -> Vec<&str> {
-        let there = |name: &&String| self.stages.iter().any(|s| s.name == **name && s.digest.is_some());
-        let earlier = self.rounds.iter().flat_map(|rounds| {
-            let done: Vec<&String> = rounds.stages.iter().filter(there).collect();
-            let last = done.len().saturating_sub(1);
-            done.into_iter().take(last)
-        });
-        earlier.map(String::as_str).collect()
-    }
-
     /// Returns the stages that are not built.
     #[must_use]
     pub fn missing(&self) -> Vec<&StageRecord> {

@@ -78,7 +78,7 @@ pub struct ReportFiles {
 pub fn write_report(store: &Store, history: &PipelineHistory, folder: &Path) -> Result<ReportFiles, ReportError> {
     let made = history.made();
     let run = history.run(store, &made);
-    let designs = designs(&run, &history.superseded())?;
+    let designs = designs(&run, &run.superseded())?;
     let page = report_page(&run, history, &designs)?;
     refuse_another(&page, folder)?;
     let (path, data) = (folder.join("index.html"), folder.join("data"));

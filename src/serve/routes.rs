@@ -64,8 +64,10 @@ fn route(state: &Arc<ServerState>, request: &Request) -> Result<Response, ApiErr
             ["status"] => browse::status(state, request),
             ["pipelines"] => browse::pipelines(state, request),
             ["pipelines", number] => browse::pipeline(state, request, number),
+            ["pipelines", number, "summary"] => browse::summary(state, request, number),
             ["runs"] => browse::runs(state, request),
             ["runs", id] => browse::one_run(state, request, id),
+            ["runs", id, "opening"] => browse::opening(state, request, id),
             ["artifacts"] => browse::artifacts(state, request),
             ["artifacts", digest] => browse::artifact(state, request, digest),
             ["artifacts", digest, "rows"] => browse::rows(state, request, digest),
@@ -97,6 +99,8 @@ fn is_known(path: &[&str]) -> bool {
         path,
         ["start" | "scenes" | "status" | "events" | "pipelines" | "runs" | "artifacts"]
             | ["pipelines" | "runs" | "artifacts", _]
+            | ["pipelines", _, "summary"]
+            | ["runs", _, "opening"]
             | [
                 "artifacts",
                 _,

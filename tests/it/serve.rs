@@ -2,6 +2,7 @@
 
 mod answers;
 mod areas;
+mod overview;
 mod pad;
 mod reproduced;
 mod server;

@@ -36,7 +36,7 @@ impl PreparedSheet {
         artifacts: &RunArtifacts<'_>,
         history: &PipelineHistory,
     ) -> Result<Self, CliError> {
-        let all = designs(artifacts, &history.superseded())?;
+        let all = designs(artifacts, &artifacts.superseded())?;
         let design = chosen(&all, arguments)?;
         let only = RunArtifacts {
             stages: std::slice::from_ref(&design.made),

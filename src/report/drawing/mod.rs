@@ -15,6 +15,6 @@ pub use chart::{Chart, Colour, LARGE, MAX_NAMED, Mark, Series, THOUSAND};
 pub use error::FigureError;
 pub use membrane::{Background, DeformedMembrane, direction, exaggeration, viridis};
 pub use path::number;
-pub use raster::{DRAWING_STYLE, PAGE_STYLE, with_texts};
+pub use raster::{DRAWING_STYLE, PAGE_STYLE, image, with_texts};
 pub use sheet::Sheet;
 pub use sides::{LEGEND, described};

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use maud::{Markup, html};
+use maud::{Markup, PreEscaped, html};
 use resvg::tiny_skia::{Color, Pixmap, Transform};
 use resvg::usvg::{self, Tree, fontdb};
 
@@ -74,6 +74,15 @@ pub fn with_texts(image: &[u8], texts: &[(&str, String)]) -> Result<Vec<u8>, Fig
     }
     bytes.extend(rest);
     Ok(bytes)
+}
+
+/// Writes a drawing of a width and height as an SVG document with its colours, light and dark, for a page that shows it
+/// as an image.
+pub fn image(size: [f64; 2], drawing: &Markup) -> String {
+    // The colours come first in the style of pages.
+    let colours = PAGE_STYLE.split("* {").next().unwrap_or_default();
+    let styled = html! { style { (PreEscaped(colours)) (PreEscaped(DRAWING_STYLE)) } (drawing) };
+    document(size, &styled)
 }
 
 /// Writes the drawing as an SVG document.

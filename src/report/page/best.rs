@@ -2,27 +2,42 @@
 
 use maud::{Markup, html};
 
-use super::cards::{FOLDER, deformed, pattern, simulated};
+use super::cards::{FOLDER, deformed, pattern, rest, simulated};
 use crate::designs::{Design, Role};
-use crate::drawing::{DeformedMembrane, exaggeration};
+use crate::drawing::{DeformedMembrane, Sheet, exaggeration};
 use crate::format::{change, mm, percents, three};
 use crate::summary::best as best_of;
 use deaflow_base::no_break_units;
 
-/// Draws the best design of a pipeline; `None` without a design of a search.
-pub fn best(designs: &[Design]) -> Option<Markup> {
-    let first = designs
-        .iter()
-        .find(|design| design.role.is_found() && design.role != Role::Optimum);
-    let first = first.or_else(|| designs.iter().find(|design| design.role.is_found()))?;
-    let several = designs.iter().any(|design| !design.has_same_target(first));
+/// Returns the best design of a pipeline: of its first target. `None` without a design of a search.
+pub(crate) fn best_design(designs: &[Design]) -> Option<&Design> {
+    let first = first_found(designs)?;
     let value = |design: &Design| design.simulated_mm.or(design.predicted_mm).unwrap_or(f64::NEG_INFINITY);
     let found = designs
         .iter()
         .filter(|design| design.role.is_found() && design.has_same_target(first));
     // The first of equal ones.
     let found: Vec<(&Design, f64)> = found.rev().map(|design| (design, value(design))).collect();
-    let (design, _) = best_of(&found, |design| (design.role, design.distance_mm))?;
+    best_of(&found, |design| (design.role, design.distance_mm)).map(|(design, _)| design)
+}
+
+/// Returns the first design of a search, which has the first target.
+fn first_found(designs: &[Design]) -> Option<&Design> {
+    let first = designs
+        .iter()
+        .find(|design| design.role.is_found() && design.role != Role::Optimum);
+    first.or_else(|| designs.iter().find(|design| design.role.is_found()))
+}
+
+/// Whether there are designs of other targets.
+pub(crate) fn has_others(designs: &[Design], best: &Design) -> bool {
+    designs.iter().any(|design| !design.has_same_target(best))
+}
+
+/// Draws the best design of a pipeline; `None` without a design of a search.
+pub fn best(designs: &[Design]) -> Option<Markup> {
+    let design = best_design(designs)?;
+    let several = has_others(designs, design);
     let membranes: Vec<DeformedMembrane> = design.membranes();
     let scale = exaggeration(&membranes);
     let times = match scale {
@@ -51,6 +66,26 @@ pub fn best(designs: &[Design]) -> Option<Markup> {
         }
     })
 }
+
+/// Draws the electrode of a design and the deformed membrane side by side, and describes them.
+pub(crate) fn picture(design: &Design) -> (Sheet, String) {
+    let scale = exaggeration(&design.membranes());
+    let [_, _, width, height] = design.background.view();
+    // As in `drawing`: the longer side has 240 pixels.
+    let [width, height] = [width, height].map(|side| (240.0 * side / width.max(height)).round());
+    let beside = width + BETWEEN;
+    let markup = html! {
+        (rest())
+        (pattern(design))
+        g transform={ "translate(" (beside) " 0)" } { (deformed(design, design.states.first(), scale)) }
+    };
+    let description = format!("Electrode of {} and the deformed membrane", design.name);
+    let size = [beside + width, height];
+    (Sheet { size, markup }, description)
+}
+
+/// Pixels between two drawings of a picture.
+const BETWEEN: f64 = 12.0;
 
 /// Says how far the design moves, and at which voltage.
 pub(crate) fn sentence(design: &Design) -> String {

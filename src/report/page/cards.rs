@@ -19,9 +19,14 @@ pub(crate) const ARROW: f64 = 110.0;
 pub fn shared() -> Markup {
     html! {
         svg width="0" height="0" style="position:absolute" aria-hidden="true" {
-            defs { g #rest .membrane { (Background::paper().grid()) } }
+            (rest())
         }
     }
+}
+
+/// Defines the grid at rest.
+pub(super) fn rest() -> Markup {
+    html! { defs { g #rest .membrane { (Background::paper().grid()) } } }
 }
 
 /// Draws the designs of a target.

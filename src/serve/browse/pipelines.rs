@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use super::units::units;
 use crate::http::{ApiError, Request, Response};
 use crate::state::ServerState;
 use deaflow_base::{Document, InputError, Node, NodeValue, Override};
@@ -13,7 +14,7 @@ use deaflow_orchestrator::{Environment, Pipeline, plan as planned, plan_document
 use deaflow_report::{STAGE_HEIGHT, layout};
 use deaflow_scene::scene_files;
 use deaflow_stage as stage;
-use deaflow_store::Store;
+use deaflow_store::{Command, Run, Store};
 
 /// Bytes of a pipeline file that are shown.
 const MAX_FILE_BYTES: u64 = 4 << 20;
@@ -57,6 +58,7 @@ pub fn pipeline(state: &ServerState, request: &Request, number: &str) -> Result<
             document["needs"] = json!(needs);
             document["layout"] = layout_document(&pipeline);
             document["values"] = json!(values(&path)?);
+            document["last"] = last_results(state, &pipeline, &document)?;
             document["problem"] = Value::Null;
             document
         }
@@ -66,6 +68,90 @@ pub fn pipeline(state: &ServerState, request: &Request, number: &str) -> Result<
     document["text"] = json!(text);
     Ok(document.into())
 }
+
+/// Returns the state of a pipeline in short: its stages, those that have to run with the estimated time, and its last run.
+/// A pipeline with an error has that as `problem`.
+///
+/// # Errors
+/// If there is no pipeline with that number, or the store cannot be read.
+pub fn summary(state: &ServerState, request: &Request, number: &str) -> Result<Response, ApiError> {
+    request.allow(&[])?;
+    let path = find_pipeline(state, &json!(number))?;
+    let pipeline = match load(&path, &[]) {
+        Ok(pipeline) => pipeline,
+        Err(problem) => return Ok(json!({ "problem": ApiError::from(problem).document()["error"] }).into()),
+    };
+    let plan = plan_of(state, &pipeline, None)?;
+    let stages = plan["stages"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let stale: Vec<&Value> = stages
+        .iter()
+        .filter(|stage| stage["outcome"] == "stale")
+        .map(|stage| &stage["name"])
+        .collect();
+    let store = state.store()?;
+    let run = store.map(|store| last_run(&store, &pipeline)).transpose()?.flatten();
+    let run = run.map(|run| {
+        json!({
+            "id": run.id,
+            "created": run.created,
+            "seconds": run.seconds,
+            "failed": run.failures,
+            "stopped": run.stopped,
+        })
+    });
+    Ok(json!({
+        "problem": null,
+        "stages": stages.len(),
+        "stale": stale,
+        "price": plan["price"],
+        "run": run,
+    })
+    .into())
+}
+
+/// Returns the results of the last run of a pipeline, `results` with their `units`, and the computing time of each stage
+/// that is up to date, `seconds`.
+fn last_results(state: &ServerState, pipeline: &Pipeline, plan: &Value) -> Result<Value, ApiError> {
+    let Some(store) = state.store()? else {
+        return Ok(Value::Null);
+    };
+    let mut seconds: BTreeMap<&str, f64> = BTreeMap::new();
+    for stage in plan["stages"].as_array().into_iter().flatten() {
+        let (Some(name), Some(digest)) = (stage["name"].as_str(), stage["digest"].as_str()) else {
+            continue;
+        };
+        let Some(digest) = digest.parse().ok().filter(|_| stage["outcome"] != "stale") else {
+            continue;
+        };
+        if !store.has(&digest) {
+            continue;
+        }
+        let provenance = store.artifact(&digest)?.provenance()?;
+        if let Some(own) = provenance.get("seconds").and_then(|text| text.parse().ok()) {
+            seconds.insert(name, own);
+        }
+    }
+    let run = last_run(&store, pipeline)?;
+    Ok(json!({
+        "results": run.as_ref().map(|run| &run.results),
+        "units": run.as_ref().map(units),
+        "seconds": seconds,
+    }))
+}
+
+/// Returns the last run of a pipeline.
+fn last_run(store: &Store, pipeline: &Pipeline) -> Result<Option<Run>, ApiError> {
+    for run in store.runs_of(store.runs()?.take(MAX_RUNS), &pipeline.file(), &pipeline.name) {
+        let run = run?;
+        if run.command == Command::Run {
+            return Ok(Some(run));
+        }
+    }
+    Ok(None)
+}
+
+/// Runs that are searched for the last one of a pipeline.
+const MAX_RUNS: usize = 1000;
 
 /// Returns the layout of the drawing, as in the report: layer and height of each stage, and the points of each line.
 fn layout_document(pipeline: &Pipeline) -> Value {
@@ -211,7 +297,8 @@ fn holds_key(node: &Node, is_key: &dyn Fn(&str) -> bool) -> bool {
     }
 }
 
-fn load(path: &Path, overrides: &[Override]) -> Result<Pipeline, InputError> {
+/// Loads a pipeline with changed values.
+pub(super) fn load(path: &Path, overrides: &[Override]) -> Result<Pipeline, InputError> {
     Pipeline::load(path, overrides, &stage::registry())
 }
 

@@ -5,13 +5,16 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
+use super::pipelines::load;
+use super::units::units;
 use crate::http::{ApiError, Request, Response};
 use crate::jobs::running_jobs;
 use crate::state::ServerState;
 use deaflow_base::read_own;
 use deaflow_executor::workers;
-use deaflow_report::{Headline, RemovedArtifacts, RunArtifacts, StageArtifact, headlines, run_document};
-use deaflow_stage::result_unit;
+use deaflow_report::{
+    Headline, Opening, RemovedArtifacts, RunArtifacts, StageArtifact, headlines, opening_picture, run_document,
+};
 use deaflow_store::{Run, Store};
 
 /// Runs in one response.
@@ -48,33 +51,66 @@ const MAX_LOG_BYTES: u64 = 4 << 20;
 pub fn one_run(state: &ServerState, request: &Request, id: &str) -> Result<Response, ApiError> {
     request.allow(&[])?;
     let store = state.existing_store()?;
+    let run = find_run(&store, id)?;
+    let mut parameters: BTreeMap<String, String> = BTreeMap::new();
+    for stage in &run.stages {
+        let record = store.record(&stage.key)?.record();
+        let leaves = record.iter().flat_map(|record| record.action.parameters.leaves());
+        parameters.extend(leaves.map(|(path, value)| (format!("stages.{}.{path}", stage.name), value.to_string())));
+    }
+    let mut document = run_document(&run, &RemovedArtifacts::of(&store));
+    document["parameters"] = json!(parameters);
+    document["units"] = json!(units(&run));
+    document["headlines"] = json!(headline_texts(&store, &run, &stage_artifacts(&store, &run)));
+    document["warnings"] = json!(warnings(&store, &run));
+    Ok(document.into())
+}
+
+/// Finds a run by its id.
+fn find_run(store: &Store, id: &str) -> Result<Run, ApiError> {
     for run in store.runs()? {
         let run = run?;
-        if run.id != id {
-            continue;
+        if run.id == id {
+            return Ok(run);
         }
-        let mut parameters: BTreeMap<String, String> = BTreeMap::new();
-        let mut made = Vec::new();
-        for stage in &run.stages {
-            let record = store.record(&stage.key)?.record();
-            if let Some(record) = record.as_ref().filter(|_| store.has(&stage.artifact)) {
-                made.push(StageArtifact {
-                    stage: stage.name.clone(),
-                    kind: record.action.kind.clone(),
-                    digest: stage.artifact,
-                });
-            }
-            let leaves = record.iter().flat_map(|record| record.action.parameters.leaves());
-            parameters.extend(leaves.map(|(path, value)| (format!("stages.{}.{path}", stage.name), value.to_string())));
-        }
-        let mut document = run_document(&run, &RemovedArtifacts::of(&store));
-        document["parameters"] = json!(parameters);
-        document["units"] = json!(units(&run));
-        document["headlines"] = json!(headline_texts(&store, &run, &made));
-        document["warnings"] = json!(warnings(&store, &run));
-        return Ok(document.into());
     }
     Err(ApiError::not_found(format!("unknown run {id:?}")).help("GET /api/runs lists the runs"))
+}
+
+/// Returns the artifacts of a run that the store still has.
+fn stage_artifacts(store: &Store, run: &Run) -> Vec<StageArtifact> {
+    let there = run.stages.iter().filter(|stage| store.has(&stage.artifact));
+    let made = there.map(|stage| StageArtifact {
+        stage: stage.name.clone(),
+        kind: stage.kind.clone(),
+        digest: stage.artifact,
+    });
+    made.collect()
+}
+
+/// Returns what the report of a run begins with: `sentence`, `facts` of the best design, and `picture`, an SVG document
+/// or null.
+///
+/// # Errors
+/// If there is no such run, or its artifacts cannot be read.
+pub fn opening(state: &ServerState, request: &Request, id: &str) -> Result<Response, ApiError> {
+    request.allow(&[])?;
+    let store = state.existing_store()?;
+    let run = find_run(&store, id)?;
+    let path = Path::new(&run.path);
+    // Only files that are served are read.
+    let is_served = state.pipelines()?.iter().any(|served| served == path);
+    let pipeline = is_served.then(|| load(path, &[]).ok()).flatten();
+    let rounds = pipeline.map(|pipeline| pipeline.rounds).unwrap_or_default();
+    let artifacts = RunArtifacts {
+        store: &store,
+        file: path,
+        stages: &stage_artifacts(&store, &run),
+        rounds: &rounds,
+    };
+    let Opening { sentence, facts } = Opening::of(&artifacts)?;
+    let picture = opening_picture(&artifacts)?;
+    Ok(json!({ "sentence": sentence, "facts": facts, "picture": picture }).into())
 }
 
 /// Returns the main results of a run; nothing if its artifacts cannot be read.
@@ -100,18 +136,6 @@ fn warnings(store: &Store, run: &Run) -> Vec<String> {
         .lines()
         .filter_map(|line| line.split_once(' ')?.1.strip_prefix("warning: "));
     lines.map(str::to_owned).collect()
-}
-
-/// Returns the units of the results that have one, by name.
-fn units(run: &Run) -> BTreeMap<&str, &'static str> {
-    let stage = |name: &str| {
-        let own = run.stages.iter().map(|stage| stage.name.as_str());
-        own.filter_map(|stage| name.strip_prefix(stage)?.strip_prefix('.').map(str::len))
-            .min()
-    };
-    let unit = |name: &str| result_unit(&name[name.len() - stage(name).unwrap_or(name.len())..]);
-    let all = run.results.keys().map(|name| (name.as_str(), unit(name)));
-    all.filter(|(_, unit)| *unit != "1").collect()
 }
 
 /// Returns the status: what is in the store, and what is running.

@@ -18,7 +18,7 @@ assets! {
         "main.js" "server.js" "elements.js" "pattern.js" "chart.js" "colours.js" "membrane.js" "files.js" "filter.js"
         "live.js" "dag.js" "pictures.js" "origin.js" "models.js" "designs.js" "accuracy.js" "quantity.js" "sketch.js"
         "sketch-kept.js" "sketch-pen.js" "sketch-numbers.js" "sketch-improve.js" "sketch-files.js" "sketch-panels.js"
-        "pipelines.js" "runs.js" "artifacts.js" "rows.js" "audit.js";
+        "overview.js" "pipelines.js" "runs.js" "artifacts.js" "rows.js" "audit.js";
 }
 
 /// Returns the media type and the text of a file of the page.

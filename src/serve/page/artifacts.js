@@ -1,7 +1,7 @@
 // Artifacts: the list, and the details of one.
 
 import { json } from "./server.js";
-import { attempt, changes, choice, h, labelled, replace, short, table, titled, when } from "./elements.js";
+import { attempt, changes, choice, h, labelled, pageOf, replace, short, table, titled, when } from "./elements.js";
 import { rowsView } from "./rows.js";
 import { findings } from "./audit.js";
 import { evaluation, model } from "./models.js";
@@ -60,10 +60,10 @@ export async function artifactView(view, digest, query) {
     ...(found.kind === "train" ? { errors: ["Errors", (/** @type {HTMLElement} */ place) => model(place, found, query)] } : {}),
     ...(found.kind === "evaluate" ? { errors: ["Errors", (/** @type {HTMLElement} */ place) => evaluation(place, found)] } : {}),
     ...(["design", "verify"].includes(found.kind) ? { designs: ["Designs", (/** @type {HTMLElement} */ place) => designs(place, found)] } : {}),
-    ...(found.kind === "accuracy" ? { accuracy: ["Settings", (/** @type {HTMLElement} */ place) => accuracy(place, found, (box) => figures(box, found.digest))] } : {}),
+    ...(found.kind === "accuracy" ? { accuracy: ["Settings", (/** @type {HTMLElement} */ place) => accuracy(place, found, (box) => replace(box, pageOf(found.digest, "Figures")))] } : {}),
     ...(found.kind === "audit" ? { findings: ["Findings", (/** @type {HTMLElement} */ place) => findings(place, found, query)] } : {}),
     ...(hasRows ? { rows: ["Rows", (/** @type {HTMLElement} */ place) => rowsView(place, found, query)] } : {}),
-    figures: ["Figures", (/** @type {HTMLElement} */ place) => figures(place, found.digest)],
+    figures: ["Figures", (/** @type {HTMLElement} */ place) => replace(place, pageOf(found.digest, "Figures"))],
     arrays: ["Arrays", (/** @type {HTMLElement} */ place) => replace(place, arrays(found))],
     origin: ["Origin", (/** @type {HTMLElement} */ place) => replace(place, origin(found))],
   };
@@ -112,16 +112,6 @@ function highlight(kind) {
     if (link.getAttribute("href") === `#/${view}`) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
-}
-
-/** The figures of a report, drawn by the server, in a frame without scripts. @param {HTMLElement} place @param {string} digest */
-function figures(place, digest) {
-  const frame = h("iframe", { sandbox: "allow-same-origin", title: "Figures", src: `/api/artifacts/${digest}/page` });
-  frame.addEventListener("load", () => {
-    const height = frame.contentDocument?.documentElement.scrollHeight ?? 0;
-    if (height) frame.style.height = `${height + 20}px`;
-  });
-  replace(place, frame);
 }
 
 /** @param {any} found */

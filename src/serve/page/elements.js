@@ -151,8 +151,9 @@ export function changes(set) {
 const MANY = 4;
 
 /**
- * A table that scrolls within its own box; a stacked one has its cells below each other on a narrow screen.
- * @param {string} what @param {(string|{title: string, number?: boolean})[]} columns @param {Child[][]} rows @param {boolean} [stacked]
+ * A table that scrolls within its own box; a stacked one has its cells below each other on a narrow screen. The head of a column may be an element
+ * in place of its title, and say how the column is sorted.
+ * @param {string} what @param {(string|{title: string, number?: boolean, head?: Node, sort?: string|null})[]} columns @param {Child[][]} rows @param {boolean} [stacked]
  */
 export function table(what, columns, rows, stacked = false) {
   const heads = columns.map((column) => (typeof column === "string" ? { title: column } : column));
@@ -166,7 +167,7 @@ export function table(what, columns, rows, stacked = false) {
     h(
       "table",
       { class: shape, role: role("table") },
-      h("thead", { role: role("rowgroup") }, h("tr", { role: role("row") }, heads.map((head) => h("th", { scope: "col", role: role("columnheader"), class: /** @type {any} */ (head).number ? "number" : null }, head.title)))),
+      h("thead", { role: role("rowgroup") }, h("tr", { role: role("row") }, heads.map((head) => h("th", { scope: "col", role: role("columnheader"), class: /** @type {any} */ (head).number ? "number" : null, "aria-sort": /** @type {any} */ (head).sort ?? null }, /** @type {any} */ (head).head ?? head.title)))),
       h("tbody", { role: role("rowgroup") }, rows.map((row) => h("tr", { role: role("row") }, row.map(cell)))),
     ),
   );
@@ -185,6 +186,16 @@ export async function attempt(place, act) {
   } catch (error) {
     if (/** @type {any} */ (error).name !== "AbortError") replace(place, problem(error));
   }
+}
+
+/** The page of an artifact, as in reports, in a frame without scripts that is as high as the page. @param {string} digest @param {string} title */
+export function pageOf(digest, title) {
+  const frame = h("iframe", { sandbox: "allow-same-origin", title, src: `/api/artifacts/${digest}/page` });
+  frame.addEventListener("load", () => {
+    const height = frame.contentDocument?.documentElement.scrollHeight ?? 0;
+    if (height) frame.style.height = `${height + 20}px`;
+  });
+  return frame;
 }
 
 /** A labelled control. @param {string} label @param {any} control @param {Child} [after] */

@@ -4,7 +4,8 @@ import { ENDED, json } from "./server.js";
 import { attempt, bytes, h, problem, replace, startedIn, titled, when } from "./elements.js";
 import { listen } from "./live.js";
 import { sketchpad } from "./sketch.js";
-import { pipelineView, pipelinesView } from "./pipelines.js";
+import { overview } from "./overview.js";
+import { pipelineView } from "./pipelines.js";
 import { compareView, runView, runsView } from "./runs.js";
 import { artifactView, artifactsView } from "./artifacts.js";
 
@@ -71,7 +72,7 @@ async function opened(name, rest, query, place) {
     case "accuracy":
       return artifactsView(place, query, ["accuracy"], "Accuracy");
     case "pipelines":
-      return rest.length ? pipelineView(place, rest[0], start.allow_run, query) : pipelinesView(place, start);
+      return rest.length ? pipelineView(place, rest[0], start.allow_run, query) : overview(place, start);
     default:
       throw new Error(`unknown view “${name}”`);
   }

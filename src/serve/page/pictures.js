@@ -91,3 +91,8 @@ export function card(pattern, href, ...words) {
 export function rowLink(digest, row, model = "") {
   return `#/artifacts/${digest}?tab=rows&row=${row}${model ? `&model=${model}` : ""}`;
 }
+
+/** A drawing of the server as an image, which runs nothing and loads nothing. @param {string} drawing an SVG document @param {string} what */
+export function image(drawing, what) {
+  return h("img", { class: "drawing", alt: what, src: `data:image/svg+xml,${encodeURIComponent(drawing)}` });
+}

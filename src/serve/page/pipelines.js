@@ -25,18 +25,6 @@ const ENDINGS = {
   75: "stopped, or refused by the machine; run it again to continue",
 };
 
-/** @param {HTMLElement} view @param {any} start */
-export async function pipelinesView(view, start) {
-  const { pipelines } = await json("pipelines");
-  const rows = pipelines.map((/** @type {any} */ one) => [h("a", { href: `#/pipelines/${one.id}` }, one.name ?? "invalid"), h("span", { class: "mono" }, near(one.path))]);
-  replace(
-    view,
-    h("h1", {}, "Pipelines"),
-    h("p", { class: "soft" }, `Store: ${near(start.store)}`),
-    rows.length ? table("Pipelines", ["name", "file"], rows) : h("p", {}, "There are no pipelines: none was named, and none was run in this store. ", h("code", {}, "deaflow serve pipeline.yaml"), " shows one; the ", h("a", { href: "#/sketch" }, "sketchpad"), " needs none."),
-  );
-}
-
 /** @param {HTMLElement} view @param {string} id @param {boolean} mayRun @param {URLSearchParams} query @returns {Promise<() => void>} */
 export async function pipelineView(view, id, mayRun, query) {
   let found = await json(`pipelines/${encodeURIComponent(id)}`);

@@ -1,14 +1,15 @@
 // Past runs: the list, one of them, and the comparison of several.
 
 import { json } from "./server.js";
-import { cell, changes, h, near, number, replace, seconds, short, table, titled, when } from "./elements.js";
+import { attempt, cell, changes, h, near, number, pageOf, replace, seconds, short, table, titled, when } from "./elements.js";
+import { image } from "./pictures.js";
 
 /** Results in a row of the list, and the order of results. */
 const MAX_RESULTS = 4;
 const FIRST = [/\.displacement$/, /\.predicted$/, /\.(rmse|max_error)/, /\.value/, /\.max_displacement$/];
 
 /** Sorts results by importance: displacements of verified designs, then errors of models. @param {Record<string, any>} results @returns {[string, any][]} */
-function ranked(results) {
+export function ranked(results) {
   const place = (/** @type {string} */ name) => {
     const at = FIRST.findIndex((one) => one.test(name));
     return at < 0 ? FIRST.length : at;
@@ -64,21 +65,73 @@ export async function runsView(view) {
 export async function runView(view, id) {
   const run = await json(`runs/${encodeURIComponent(id)}`);
   titled(`Run ${run.id} of ${run.pipeline}`);
-  const stage = (/** @type {any} */ one) => [one.name, h("span", { class: one.outcome === "failed" ? "error" : null }, one.outcome), one.digest ? short(one.digest) : ""];
   const pairs = (/** @type {Record<string, any>} */ of) => Object.entries(of).map(([name, value]) => [h("span", { class: "mono" }, name), typeof value === "number" ? h("span", { title: String(value) }, cell(value)) : String(value)]);
+  const best = h("section", { class: "best", "aria-label": "Best design", id: "opening" }, h("p", { class: "soft" }, "Drawing the best design …"));
   replace(
     view,
     h("h1", {}, `Run ${run.id}`),
-    h("p", {}, `${run.pipeline}, ${when(run.created)}, on ${run.host}, took ${seconds(run.seconds)}`),
+    h("p", {}, `${run.pipeline}, ${when(run.created)} UTC, on ${run.host}, took ${seconds(run.seconds)}`),
     h("p", { class: "mono soft" }, near(run.path)),
-    run.headlines?.length ? h("ul", { id: "headlines" }, run.headlines.map((/** @type {string} */ line) => h("li", {}, line))) : null,
+    best,
     (run.warnings ?? []).map((/** @type {string} */ text) => h("p", { class: "box" }, h("b", {}, "Warning: "), text)),
-    h("h2", {}, "Stages"),
-    table("Stages", ["stage", "outcome", "artifact"], run.stages.map(stage)),
     Object.keys(run.overrides).length ? [h("h2", {}, "Changed values"), table("Overrides", ["path", "value"], pairs(run.overrides))] : null,
-    h("h2", {}, "Results"),
-    table("Results", ["result", { title: "value", number: true }, "unit"], ranked(run.results).map(([name, value]) => [h("span", { class: "mono" }, name), h("span", { title: String(value) }, cell(value)), run.units?.[name] ?? ""])),
-    h("details", {}, h("summary", {}, "Parameters"), table("Parameters", ["parameter", "value"], pairs(run.parameters))),
+    h("h2", {}, "Stages"),
+    h("div", { class: "folded", id: "run-stages" }, byStage(run).map((one) => stageDetails(run, one))),
+  );
+  void attempt(best, async () => {
+    const { sentence, facts, picture } = await json(`runs/${encodeURIComponent(id)}/opening`);
+    const lines = facts.length ? facts : run.headlines.slice(sentence ? 1 : 0);
+    replace(
+      best,
+      picture ? image(picture, `Best design of run ${run.id}`) : null,
+      h("div", {}, sentence ? h("p", { class: "headline" }, sentence) : h("p", { class: "soft" }, "no results"), lines.length ? h("ul", { id: "headlines" }, lines.map((/** @type {string} */ line) => h("li", {}, line))) : null),
+    );
+  });
+}
+
+/**
+ * The stages of a run, each with its own results and parameters.
+ * @param {any} run @returns {{stage: any, results: Record<string, number>, parameters: Record<string, any>}[]}
+ */
+function byStage(run) {
+  const names = run.stages.map((/** @type {any} */ stage) => stage.name);
+  return run.stages.map((/** @type {any} */ stage) => ({ stage, results: ofStage(run.results, "", stage.name, names), parameters: ofStage(run.parameters, "stages.", stage.name, names) }));
+}
+
+/**
+ * The values of a stage, whose names are those of their stages with a text before and more after a dot.
+ * @param {Record<string, any>} values @param {string} before @param {string} stage @param {string[]} names of all stages
+ */
+export function ofStage(values, before, stage, names) {
+  // The name of a stage may begin with that of another one.
+  const sorted = [...names].sort((a, b) => b.length - a.length);
+  const own = Object.entries(values).filter(([name]) => sorted.find((one) => name.startsWith(`${before}${one}.`)) === stage);
+  return Object.fromEntries(own);
+}
+
+/** Main results beside the name of a stage. */
+const MAIN = 2;
+
+/** A stage, folded: its results, figures and parameters. @param {any} run @param {ReturnType<typeof byStage>[number]} one */
+function stageDetails(run, { stage, results, parameters }) {
+  const short_name = (/** @type {string} */ name, /** @type {string} */ before) => h("span", { class: "mono" }, name.slice(before.length));
+  const unit = (/** @type {string} */ name) => run.units?.[name] ?? "";
+  const sorted = ranked(results);
+  const main = sorted.slice(0, MAIN).map(([name, value]) => `${name.slice(stage.name.length + 1)} ${cell(value)}${unit(name) && ` ${unit(name)}`}`);
+  const figures = h("div", {});
+  const rows = Object.entries(parameters).map(([name, value]) => [short_name(name, `stages.${stage.name}.`), String(value)]);
+  const open = () => {
+    if (!stage.digest || stage.removed || figures.childElementCount) return;
+    replace(figures, pageOf(stage.digest, `Figures of ${stage.name}`));
+  };
+  return h(
+    "details",
+    { "data-stage": stage.name, ontoggle: open },
+    h("summary", {}, h("b", {}, stage.name), " ", h("span", { class: stage.outcome === "failed" ? "error" : "soft" }, stage.outcome), main.length ? h("span", { class: "soft" }, `: ${main.join(", ")}`) : null),
+    stage.digest ? h("p", {}, "Artifact ", short(stage.digest), stage.removed ? ` (removed ${when(stage.removed)})` : null) : null,
+    sorted.length ? table(`Results of ${stage.name}`, ["result", { title: "value", number: true }, "unit"], sorted.map(([name, value]) => [short_name(name, `${stage.name}.`), h("span", { title: String(value) }, cell(value)), unit(name)])) : null,
+    figures,
+    rows.length ? h("details", {}, h("summary", {}, "Parameters"), table(`Parameters of ${stage.name}`, ["parameter", "value"], rows)) : null,
   );
 }
 
@@ -114,7 +167,7 @@ export async function compareView(view, ids) {
   const figures = runs.map((run) => {
     // The same stage of all runs.
     const last = run.stages.filter((/** @type {any} */ stage) => inAll.has(stage.name)).slice(-1)[0];
-    return h("div", {}, h("h3", {}, `${run.id}: ${last?.name ?? ""}`), last?.digest ? h("iframe", { sandbox: "allow-same-origin", title: `Figures of ${last.name}`, src: `/api/artifacts/${last.digest}/page` }) : null);
+    return h("div", {}, h("h3", {}, `${run.id}: ${last?.name ?? ""}`), last?.digest ? pageOf(last.digest, `Figures of ${last.name}`) : null);
   });
   const differing = rows("parameters", false);
   const results = rows("results", false);
