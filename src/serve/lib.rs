@@ -10,6 +10,7 @@ mod artifact_data;
 mod browse;
 mod cache;
 mod compute;
+mod examples;
 mod http;
 mod jobs;
 mod routes;

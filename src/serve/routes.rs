@@ -20,7 +20,7 @@ impl Handler for Routes {
             (Some("sketch"), Some("improve"), _) => Lane::Quick,
             // A plan screens a scene with `effects: auto`.
             (Some("plan"), _, _) | (Some("pipelines"), Some(_), _) => Lane::Quick,
-            (Some("sketch"), None | Some("screen"), _)
+            (Some("sketch"), None | Some("screen" | "sweep"), _)
             | (Some("artifacts"), _, Some("again" | "judged" | "prediction")) => Lane::Simulating,
             _ => Lane::Reading,
         }
@@ -42,11 +42,12 @@ fn route(state: &Arc<ServerState>, request: &Request) -> Result<Response, ApiErr
             ["sketch", rest @ ..] => match rest {
                 [] if post => sketch::solve(state, request),
                 ["improve"] if post => sketch::improve(state, request),
+                ["sweep"] if post => sketch::sweep(state, request),
                 ["screen"] if post => sketch::screen(state, request),
                 ["reproduce"] if post => sketch::reproduce(state, request),
                 ["export"] if post => sketch::export(state, request),
                 ["import"] if post => sketch::import(state, request),
-                [] | ["improve" | "screen" | "reproduce" | "export" | "import"] => {
+                [] | ["improve" | "sweep" | "screen" | "reproduce" | "export" | "import"] => {
                     Err(ApiError::method_not_allowed("POST"))
                 }
                 _ => Err(unknown_path()),

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::cache::{
     CriticalVoltage, LruCache, ModelErrors, SimulationSetup, SolverCache, StoreTotals, TableCache, lock,
 };
+use super::examples::examples;
 use super::http::ApiError;
 use super::jobs::Runner;
 use deaflow_base::{ArtifactId, InputError};
@@ -67,6 +68,8 @@ pub struct ServerState {
     notes: Vec<String>,
     store: Mutex<Option<Arc<Store>>>,
     scenes: Mutex<Vec<NamedScene>>,
+    /// The scenes of the gallery of the sketchpad, which have other names.
+    examples: Vec<NamedScene>,
     /// Solvers.
     pub solvers: SolverCache,
     /// Critical voltages of drawn patterns, which are asked for at many voltages.
@@ -119,6 +122,13 @@ impl ServerState {
             }
             _ => Vec::new(),
         };
+        let example = |(name, scene)| NamedScene {
+            name,
+            scene,
+            file: None,
+            notes: None,
+        };
+        let examples = examples()?.into_iter().map(example).collect();
         let state = Self {
             store_folder: options.store,
             pipelines: options.pipelines.iter().map(|path| file_of(path)).collect(),
@@ -128,6 +138,7 @@ impl ServerState {
             notes,
             store: Mutex::default(),
             scenes: Mutex::default(),
+            examples,
             solvers: SolverCache::default(),
             critical_voltages: LruCache::new(MAX_CRITICAL_VOLTAGES),
             opened: LruCache::new(MAX_OPENED),
@@ -268,12 +279,18 @@ impl ServerState {
     #[must_use]
     pub fn named_scene(&self, name: Option<&str>) -> Option<NamedScene> {
         let scenes = lock(&self.scenes);
-        let mut all = scenes.iter();
+        let mut all = scenes.iter().chain(&self.examples);
         let found = match name {
             Some(name) => all.find(|named| named.name == name),
             None => all.next(),
         };
         found.cloned()
+    }
+
+    /// Returns the scenes of the gallery of the sketchpad.
+    #[must_use]
+    pub fn examples(&self) -> &[NamedScene] {
+        &self.examples
     }
 
     /// Returns what the page needs at its start.

@@ -2,6 +2,7 @@
 
 mod answers;
 mod areas;
+mod gallery;
 mod overview;
 mod pad;
 mod reproduced;
@@ -726,7 +727,17 @@ fn on_the_sketchpad(tab: &mut Tab) -> (Workspace, Server) {
     tab.screen(1440, 900, "light");
     tab.go(&server.url);
     tab.until("document.querySelector('#outcome')");
+    blank(tab, "scene");
     (workspace, server)
+}
+
+/// Opens the sketchpad anew with an empty drawing of a scene of 50 × 50 cells: by itself it begins with a pattern.
+fn blank(tab: &mut Tab, scene: &str) {
+    let key = format!("deaflow {scene}");
+    let cells = rows(|_, _| false).to_string();
+    tab.value(&format!("sessionStorage.setItem({}, {})", json!(key), json!(cells)));
+    tab.reload();
+    tab.until("document.querySelector('#outcome')");
 }
 
 #[test]

@@ -42,6 +42,18 @@ pub struct PreparedSolver {
     pub solver: Solver,
 }
 
+impl PreparedSolver {
+    /// Creates the solver of a setup.
+    ///
+    /// # Errors
+    /// If it cannot be set up.
+    pub fn new(setup: &SimulationSetup) -> Result<Self, ApiError> {
+        let scene = resolve(&setup.scene)?;
+        let solver = SolverParameters::new(setup.method, setup.mesh).build(&scene)?;
+        Ok(Self { scene, solver })
+    }
+}
+
 /// The most recently used solvers.
 pub struct SolverCache {
     solvers: LruCache<SimulationSetup, PreparedSolver>,
@@ -63,11 +75,7 @@ impl SolverCache {
     /// # Errors
     /// If it cannot be set up.
     pub fn solver(&self, setup: &SimulationSetup) -> Result<Arc<PreparedSolver>, ApiError> {
-        self.solvers.get_or_insert(setup, || {
-            let scene = resolve(&setup.scene)?;
-            let solver = SolverParameters::new(setup.method, setup.mesh).build(&scene)?;
-            Ok(PreparedSolver { scene, solver })
-        })
+        self.solvers.get_or_insert(setup, || PreparedSolver::new(setup))
     }
 
     /// Returns Newton's method on a finer mesh, which estimates the error of a setup; `None` on the finest mesh.

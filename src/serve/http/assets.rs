@@ -18,6 +18,7 @@ assets! {
         "main.js" "server.js" "elements.js" "pattern.js" "chart.js" "colours.js" "membrane.js" "files.js" "filter.js"
         "live.js" "dag.js" "pictures.js" "origin.js" "models.js" "designs.js" "accuracy.js" "quantity.js" "sketch.js"
         "sketch-kept.js" "sketch-pen.js" "sketch-numbers.js" "sketch-improve.js" "sketch-files.js" "sketch-panels.js"
+        "sketch-gallery.js" "sketch-link.js" "sketch-point.js" "sketch-sweep.js" "sketch-voltage.js"
         "overview.js" "pipelines.js" "runs.js" "artifacts.js" "rows.js" "audit.js";
 }
 

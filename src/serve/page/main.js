@@ -56,7 +56,7 @@ async function opened(name, rest, query, place) {
       const pattern = start.pattern;
       // The pattern of the command line is only for the first drawing.
       start.pattern = [];
-      return sketchpad(place, { pattern });
+      return sketchpad(place, { pattern, query });
     }
     case "runs":
       if (rest[0] === "compare") return compareView(place, rest.slice(1));

@@ -65,7 +65,7 @@ export function prepared(canvas, ratio) {
 /**
  * Draws the cells of a pattern.
  * @param {HTMLCanvasElement} canvas @param {Pattern} pattern
- * @param {{ratio?: number, grid?: boolean, parts?: number[]|null, cursor?: [number, number]|null, heat?: ArrayLike<number>|null, point?: [number, number]|null, direction?: number, sides?: Supports|null}} [more]
+ * @param {{ratio?: number, grid?: boolean, parts?: number[]|null, cursor?: [number, number]|null, heat?: ArrayLike<number>|null, point?: [number, number]|null, direction?: number, sides?: Supports|null, moved?: {pattern: Pattern, displacement: Float32Array, size: [number, number], scale: number}|null}} [more]
  */
 export function drawPattern(canvas, pattern, more = {}) {
   remember(canvas, () => drawPattern(canvas, pattern, more));
@@ -141,7 +141,14 @@ export function drawPattern(canvas, pattern, more = {}) {
     context.lineWidth = 2;
     context.strokeRect(0, 0, width, height);
   }
-  if (more.point) arrow(context, more.point[0] * width, height - more.point[1] * height, more.direction ?? 0, 0.12 * width);
+  if (more.moved) {
+    const { pattern: own, displacement, size: [across, up], scale } = more.moved;
+    const [px, py] = cornersOf(own, displacement, (x, y, u, v) => [((x * across) / columns + scale * u) * (width / across), height - ((y * up) / rows + scale * v) * (height / up)]);
+    // A light edge makes the line visible on electrodes.
+    outline(context, own, px, py, "#fff", 3.5);
+    outline(context, own, px, py, colour(canvas, "--moved"), 1.5);
+  }
+  if (more.point) arrow(context, more.point[0] * width, height - more.point[1] * height, more.direction ?? 0, ARROW * width);
   if (more.cursor) {
     context.strokeStyle = colour(canvas, "--vermillion");
     context.lineWidth = 2;
@@ -202,13 +209,73 @@ function arrow(context, x, y, degrees, length) {
 /** Margin around a deformed membrane, a fraction of its width. */
 const MARGIN = 0.04;
 
+/** Length of the arrow of a direction, a fraction of the width. */
+export const ARROW = 0.12;
+
+/** Places the corners of cells. @param {Pattern} pattern @param {Float32Array|null} displacement mm @param {(x: number, y: number, u: number, v: number) => [number, number]} place of a corner and its displacement @returns {[Float32Array, Float32Array]} */
+function cornersOf({ columns, rows }, displacement, place) {
+  const count = (columns + 1) * (rows + 1);
+  const [px, py] = [new Float32Array(count), new Float32Array(count)];
+  for (let y = 0, at = 0; y <= rows; y += 1) {
+    for (let x = 0; x <= columns; x += 1, at += 1) {
+      [px[at], py[at]] = place(x, y, displacement ? displacement[2 * at] : 0, displacement ? displacement[2 * at + 1] : 0);
+    }
+  }
+  return [px, py];
+}
+
+/** Where points of a deformed membrane are drawn, and which points are drawn at a place. */
+export class Placement {
+  /** @param {HTMLCanvasElement} canvas @param {[number, number]} size @param {Pattern} pattern @param {Float32Array|null} displacement @param {number} scale */
+  constructor(canvas, size, pattern, displacement, scale) {
+    this.width = canvas.clientWidth || 300;
+    this.height = Math.round((this.width * size[1]) / size[0]);
+    this.size = size;
+    this.pattern = pattern;
+    this.displacement = displacement;
+    this.scale = scale;
+    this.unit = (this.width * (1 - 2 * MARGIN)) / size[0];
+  }
+
+  /** The displacement of a point between four corners, times the scale, mm. @param {[number, number]} point @returns {[number, number]} */
+  moved([x, y]) {
+    if (!this.displacement) return [0, 0];
+    const { columns, rows } = this.pattern;
+    const [a, b] = [Math.max(0, Math.min((x / this.size[0]) * columns, columns)), Math.max(0, Math.min((y / this.size[1]) * rows, rows))];
+    const [left, low] = [Math.min(Math.floor(a), columns - 1), Math.min(Math.floor(b), rows - 1)];
+    const [s, t, corner] = [a - left, b - low, low * (columns + 1) + left];
+    const of = (/** @type {number} */ axis) => {
+      const at = (/** @type {number} */ k) => /** @type {Float32Array} */ (this.displacement)[2 * k + axis];
+      return this.scale * ((1 - t) * ((1 - s) * at(corner) + s * at(corner + 1)) + t * ((1 - s) * at(corner + columns + 1) + s * at(corner + columns + 2)));
+    };
+    return [of(0), of(1)];
+  }
+
+  /** @param {[number, number]} point mm @returns {[number, number]} px */
+  of(point) {
+    const [u, v] = this.moved(point);
+    return [MARGIN * this.width + (point[0] + u) * this.unit, this.height - MARGIN * this.height - (point[1] + v) * this.unit];
+  }
+
+  /** The point that is drawn at a place, by fixed-point iteration. @param {[number, number]} place px @returns {[number, number]} mm */
+  back([left, top]) {
+    const [x, y] = [(left - MARGIN * this.width) / this.unit, (this.height - MARGIN * this.height - top) / this.unit];
+    /** @type {[number, number]} */ let point = [x, y];
+    for (let k = 0; k < 12; k += 1) {
+      const [u, v] = this.moved(point);
+      point = [x - u, y - v];
+    }
+    return point;
+  }
+}
+
 /** The image of each canvas, which is reused. @type {WeakMap<HTMLCanvasElement, ImageData>} */
 const images = new WeakMap();
 
 /**
  * Draws the deformed membrane with coloured cells. Cells are filled pixel by pixel, which is several times faster than paths.
  * @param {HTMLCanvasElement} canvas @param {Pattern} pattern @param {Float32Array|null} displacement corners, mm
- * @param {{size: [number, number], scale?: number, values?: ArrayLike<number>|null, signed?: boolean, low?: number, high?: number, parts?: number[]|null, sides?: Supports|null}} more
+ * @param {{size: [number, number], scale?: number, values?: ArrayLike<number>|null, signed?: boolean, low?: number, high?: number, parts?: number[]|null, sides?: Supports|null, point?: [number, number]|null, direction?: number}} more
  */
 export function drawMembrane(canvas, pattern, displacement, more) {
   remember(canvas, () => drawMembrane(canvas, pattern, displacement, more));
@@ -217,15 +284,11 @@ export function drawMembrane(canvas, pattern, displacement, more) {
   const { context, width, height } = prepared(canvas, sizeY / sizeX);
   const unit = (width * (1 - 2 * MARGIN)) / sizeX;
   const scale = more.scale ?? 1;
-  const corners = (columns + 1) * (rows + 1);
-  const [px, py] = [new Float32Array(corners), new Float32Array(corners)];
-  for (let y = 0, at = 0; y <= rows; y += 1) {
-    for (let x = 0; x <= columns; x += 1, at += 1) {
-      const [u, v] = displacement ? [displacement[2 * at] * scale, displacement[2 * at + 1] * scale] : [0, 0];
-      px[at] = MARGIN * width + ((x * sizeX) / columns + u) * unit;
-      py[at] = height - MARGIN * height - ((y * sizeY) / rows + v) * unit;
-    }
-  }
+  const [px, py] = cornersOf(pattern, displacement, (x, y, u, v) => [
+    MARGIN * width + ((x * sizeX) / columns + scale * u) * unit,
+    height - MARGIN * height - ((y * sizeY) / rows + scale * v) * unit,
+  ]);
+  const corners = px.length;
   const image = imageOf(canvas, context);
   const pixels = new Uint32Array(image.data.buffer);
   pixels.fill(pixel(colour(canvas, "--card")));
@@ -256,6 +319,10 @@ export function drawMembrane(canvas, pattern, displacement, more) {
   context.lineWidth = more.sides ? 0.5 : 2;
   context.strokeRect(MARGIN * width, MARGIN * height, width * (1 - 2 * MARGIN), height * (1 - 2 * MARGIN));
   if (more.sides) drawSides(canvas, context, more.sides, columns, rows, (x, y) => [px[y * (columns + 1) + x], py[y * (columns + 1) + x]]);
+  if (more.point) {
+    const [x, y] = new Placement(canvas, more.size, pattern, displacement, scale).of(more.point);
+    arrow(context, x, y, more.direction ?? 0, ARROW * width);
+  }
 }
 
 /**
@@ -380,13 +447,13 @@ function quad(width, height, pixels, value, px, py, low, high) {
   }
 }
 
-/** Draws the edges of electrodes. @param {CanvasRenderingContext2D} context @param {Pattern} pattern @param {Float32Array} px @param {Float32Array} py */
-function outline(context, pattern, px, py) {
+/** Draws the edges of electrodes. @param {CanvasRenderingContext2D} context @param {Pattern} pattern @param {Float32Array} px @param {Float32Array} py @param {string} [style] @param {number} [thick] */
+function outline(context, pattern, px, py, style = "rgba(255,255,255,.75)", thick = 1) {
   const { columns, rows, cells } = pattern;
   const at = (/** @type {number} */ x, /** @type {number} */ y) => (x < 0 || y < 0 || x >= columns || y >= rows ? 0 : cells[y * columns + x]);
   context.beginPath();
-  context.strokeStyle = "rgba(255,255,255,.75)";
-  context.lineWidth = 1;
+  context.strokeStyle = style;
+  context.lineWidth = thick;
   if (pattern.shapes) {
     // Between the corners of cells they move as these do.
     const moved = (/** @type {[number, number]} */ [u, v]) => {

@@ -1,17 +1,21 @@
 // The sketchpad: a pattern, and the membrane that moves while it is drawn.
 
 import { frame, json } from "./server.js";
-import { attempt, bytes, choice, h, labelled, near, number, numeric, problem, rangeEnds, replace, roundedBy, seconds, settled, showInvalid } from "./elements.js";
+import { attempt, bytes, choice, copying, h, labelled, near, number, problem, replace, replaceUrl, roundedBy, seconds, settled, showInvalid } from "./elements.js";
 import { SIDES, drawBar, drawMembrane, drawPattern, magnitudes } from "./membrane.js";
 import { range } from "./colours.js";
 import { Pattern } from "./pattern.js";
-import { HINTS, quantity } from "./quantity.js";
+import { firstPattern, gallery } from "./sketch-gallery.js";
 import { kept } from "./sketch-kept.js";
+import { linkTo, linked } from "./sketch-link.js";
 import { Pen } from "./sketch-pen.js";
 import { Numbers } from "./sketch-numbers.js";
 import { Improve } from "./sketch-improve.js";
 import { Files, PLACEHOLDER } from "./sketch-files.js";
 import { Compare, Effects } from "./sketch-panels.js";
+import { PointPanel } from "./sketch-point.js";
+import { Sweep } from "./sketch-sweep.js";
+import { Voltage, volts } from "./sketch-voltage.js";
 
 /** After this time without a stroke, critical voltage and error are computed, ms. */
 const STILL = 250;
@@ -30,33 +34,39 @@ const COLOURINGS = {
   electrode: ["electrodes", "", 1, true],
 };
 
-/** The highest voltage, V. */
-const MOST_VOLTS = 1e6;
+/** On screens of this width the membrane is below the drawing, whose electrodes are then also drawn as they move. */
+const NARROW = "(max-width: 49.99rem)";
 
-/** @param {HTMLElement} view @param {{pattern?: number[][], scene?: string}} first @returns {Promise<() => void>} a function that ends it */
+/**
+ * @typedef {{pattern?: number[][], scene?: string, query?: URLSearchParams}} First what the sketchpad opens with
+ * @param {HTMLElement} view @param {First} first @returns {Promise<() => void>} a function that ends it
+ */
 export async function sketchpad(view, first = {}) {
-  const { scenes, refused, time_limit: limit } = await json("scenes");
-  const pad = new Sketchpad(view, scenes, first);
-  pad.refused = refused;
-  pad.limit = limit;
+  const found = await json("scenes");
+  const pad = new Sketchpad(view, found, first);
   pad.build();
   return () => pad.end();
 }
 
 class Sketchpad {
-  /** @param {HTMLElement} view @param {any[]} scenes @param {{pattern?: number[][], scene?: string}} first */
-  constructor(view, scenes, first) {
+  /** @param {HTMLElement} view @param {any} found scenes of the server @param {First} first */
+  constructor(view, { scenes, examples, refused, time_limit: limit }, first) {
     this.view = view;
     this.scenes = scenes;
-    /** @type {any[]} */ this.refused = [];
-    /** Time limit of a request, s. */ this.limit = Infinity;
+    this.examples = examples;
+    /** @type {any[]} */ this.refused = refused;
+    /** Time limit of a request, s. */ this.limit = limit;
     /** Time of a solution here, with these effects, relative to its price. */ this.pace = 1;
-    this.scene = scenes.find((scene) => scene.name === first.scene) ?? scenes[0];
+    /** What is wrong with the link of the address. @type {any} */ this.linkError = null;
+    const link = this.linkOf(first);
+    this.scene = link?.scene ?? [...scenes, ...examples].find((scene) => scene.name === first.scene) ?? scenes[0];
     const before = kept(this.scene);
     const given = first.pattern?.length ? Pattern.of(first.pattern) : null;
-    const fits = (/** @type {Pattern|null} */ found) => (found && found.columns === this.scene.columns && found.rows === this.scene.rows ? found : null);
+    const fits = (/** @type {Pattern|null} */ pattern) => (pattern && pattern.columns === this.scene.columns && pattern.rows === this.scene.rows ? pattern : null);
+    const known = link?.pattern ?? fits(given) ?? fits(before);
+    /** Whether the sketchpad begins with a pattern of its own, which moves once. */ this.isFirst = known === null;
     /** The pattern; it has electrodes only on the membrane. */
-    this.pattern = fits(given) ?? fits(before) ?? new Pattern(this.scene.columns, this.scene.rows);
+    this.pattern = known ?? firstPattern(this.scene);
     this.trim();
     this.state = this.scene.states[0] ?? null;
     this.voltage = this.ownVoltage();
@@ -67,6 +77,9 @@ class Sketchpad {
     this.files = new Files(this);
     this.comparing = new Compare(this);
     this.screening = new Effects(this);
+    this.drive = new Voltage(this);
+    this.sweeping = new Sweep(this);
+    this.pointing = new PointPanel(this);
     this.method = "newton";
     this.elements = 1;
     this.order = 1;
@@ -77,7 +90,9 @@ class Sketchpad {
     this.direction = 0;
     /** @type {string[]|null} */ this.effects = null;
     this.critical = null;
+    /** The drawing whose critical voltage is known. */ this.criticalOf = "";
     /** @type {any} */ this.shown = null;
+    /** The last stable state, with the drawing that it belongs to. @type {{key: string, shown: any}|null} */ this.stable = null;
     /** The target of the point, mm; null without one. @type {number|null} */ this.target = null;
     /** Fields with an invalid value: the numbers are for the values before. @type {Set<string>} */ this.invalid = new Set();
     /** Whether the last request failed. */ this.failed = false;
@@ -91,14 +106,34 @@ class Sketchpad {
     this.stale = { pad: false, membrane: false };
     this.still = settled(() => this.refine(), STILL);
     this.ended = false;
+    if (link) {
+      Object.assign(this, link.values);
+      if (before && fits(before)) this.pen.history.push(/** @type {Pattern} */ (before));
+      this.pen.take(this.driven()[0] ?? 1);
+    }
+    this.narrow = window.matchMedia(NARROW);
     this.redraw = () => this.soon();
     window.addEventListener("resize", this.redraw);
     this.dark = window.matchMedia("(prefers-color-scheme: dark)");
     this.dark.addEventListener("change", this.redraw);
   }
 
+  /** Reads the drawing of a link, once. @param {First} first */
+  linkOf({ query }) {
+    if (!query?.has("cells")) return null;
+    // After a reload, the drawing of the tab is shown.
+    replaceUrl("#/sketch");
+    try {
+      return linked(query, [...this.scenes, ...this.examples]);
+    } catch (error) {
+      this.linkError = error;
+      return null;
+    }
+  }
+
   end() {
     this.ended = true;
+    this.sweeping.stop();
     cancelAnimationFrame(this.frame);
     this.flight?.controller.abort();
     this.improving.end();
@@ -118,18 +153,20 @@ class Sketchpad {
       this.view,
       h("h1", {}, "Sketchpad"),
       this.line,
+      this.linkError ? problem(this.linkError) : null,
       this.sceneControls(),
       this.refusals(),
       h(
         "div",
         { class: "pads" },
         h("section", { "aria-label": "Draw" }, h("h2", {}, "Draw"), this.pen.toolbar(), this.canvas, this.areaLine()),
-        h("section", { "aria-label": "Membrane" }, h("h2", {}, "Membrane"), this.colouringControls(), this.membrane, this.bar, this.legend),
+        h("section", { "aria-label": "Membrane" }, h("h2", {}, "Membrane"), this.colouringControls(), this.membrane, this.bar, this.legend, this.sweeping.panel()),
         this.numbers.panel(this.methodControls()),
       ),
-      h("div", { class: "panels" }, this.pointPanel(), this.improving.panel(), this.files.panel(), this.comparing.panel(), this.screening.panel()),
+      h("div", { class: "panels" }, gallery(this), this.pointing.panel(), this.improving.panel(), this.files.panel(), this.comparing.panel(), this.screening.panel()),
     );
     this.pen.listen(this.canvas);
+    this.pointing.listen(this.membrane);
     this.soon();
     this.changed(true);
   }
@@ -142,41 +179,27 @@ class Sketchpad {
   }
 
   sceneControls() {
-    const scenes = this.scenes.map((scene) => [scene.name, scene.name]);
-    this.voltageRange = h("input", { type: "range", min: "0", max: String(this.mostVoltage()), step: "10", value: String(this.voltage), id: "voltage", "aria-label": "Voltage", list: "critical" });
-    this.voltageNumber = numeric(String(this.voltage), `Voltage, ${HINTS.voltage}`, { id: "volts", title: HINTS.voltage });
-    this.criticalMark = h("option", {});
-    this.criticalText = h("span", { class: "soft", id: "critical-voltage" });
-    this.voltageError = h("span", { class: "error", id: "voltage-trouble", role: "alert" });
-    const changed = (/** @type {string} */ text) => {
-      const { value, wrong } = quantity(text, "voltage", 0, MOST_VOLTS);
-      this.showInvalid("voltage", this.voltageNumber, this.voltageError, wrong);
-      if (wrong) return;
-      this.voltage = value;
-      this.voltageRange.value = String(value);
-      if (document.activeElement !== this.voltageNumber) this.voltageNumber.value = String(value);
-      this.showGroupVoltages();
-      this.changed(false);
-    };
-    this.voltageRange.addEventListener("input", () => changed(this.voltageRange.value));
-    this.voltageNumber.addEventListener("input", () => changed(this.voltageNumber.value));
+    const all = this.scenes.includes(this.scene) ? this.scenes : [...this.scenes, this.scene];
+    const scenes = all.map((scene) => [scene.name, scene.name]);
+    const play = this.scene.driven_by_charge ? null : this.sweeping.button();
     this.groupText = h("span", { class: "soft", id: "group-voltages" });
-    this.showGroupVoltages();
     return h(
       "div",
       { class: "controls" },
-      this.scenes.length > 1 ? labelled("Scene", choice("scene", /** @type {any} */ (scenes), this.scene.name, (name) => this.reopen({ scene: name }))) : h("span", {}, "Scene ", h("b", {}, this.scene.name)),
+      all.length > 1 ? labelled("Scene", choice("scene", /** @type {any} */ (scenes), this.scene.name, (name) => this.reopen({ scene: name }))) : h("span", {}, "Scene ", h("b", {}, this.scene.name)),
       this.scene.states.length ? labelled("State", choice("state", this.scene.states.map((/** @type {string} */ name) => [name, name]), this.state ?? "", (name) => this.setState(name))) : null,
       this.scene.driven_by_charge
         ? h("span", { class: "soft" }, "driven by a charge")
-        : h("span", { class: "control grow" }, h("span", {}, this.scene.groups > 1 ? "Largest voltage" : "Voltage"), this.voltageRange, this.voltageNumber, h("span", { class: "soft" }, "V, or with a unit: 4 kV"), h("datalist", { id: "critical" }, this.criticalMark), this.voltageError, this.criticalText),
+        : this.drive.control(play),
       this.groupText,
     );
   }
 
   /** The voltages of the groups in the present state, as in the scene, V. @returns {number[]} */
   ownVoltages() {
-    return this.scene.voltages[Math.max(this.scene.states.indexOf(this.state), 0)] ?? [];
+    const own = this.scene.voltages[Math.max(this.scene.states.indexOf(this.state), 0)] ?? [];
+    // Conversion from kV leaves rounding errors.
+    return own.map((/** @type {number} */ voltage) => Number(voltage.toPrecision(12)));
   }
 
   /** The largest of them. */
@@ -189,25 +212,20 @@ class Sketchpad {
     return this.ownVoltages().flatMap((voltage, at) => (voltage > 0 ? [at + 1] : []));
   }
 
-  /** Shows the voltage of each group; the others are proportional to the largest one. */
-  showGroupVoltages() {
+  /** Shows the voltage of each group; the others are proportional to the largest one. @param {number} [largest] */
+  showGroupVoltages(largest = this.voltage) {
     if (this.scene.groups < 2 || this.scene.driven_by_charge) return;
     const most = this.ownVoltage();
-    const words = this.ownVoltages().map((voltage, at) => `group ${at + 1}: ${number(most ? (voltage * this.voltage) / most : 0, 6)} V`);
+    const words = this.ownVoltages().map((voltage, at) => `group ${at + 1}: ${number(most ? (voltage * largest) / most : 0, 6)} V`);
     this.groupText.textContent = words.join(", ");
   }
 
   /** Switches to another state of the device, with its own voltages. @param {string} name */
   setState(name) {
     this.state = name;
-    this.voltage = this.ownVoltage();
-    this.voltageRange.value = String(this.voltage);
-    this.voltageNumber.value = String(this.voltage);
-    this.showInvalid("voltage", this.voltageNumber, this.voltageError, "");
     const driven = this.driven();
     if (!driven.includes(this.pen.group)) this.pen.take(driven[0] ?? 1);
-    this.showGroupVoltages();
-    this.changed(false);
+    this.drive.set(this.ownVoltage());
   }
 
   /** Removes electrodes outside of the membrane. */
@@ -232,7 +250,8 @@ class Sketchpad {
   areaLine() {
     this.area = h("p", { class: "soft small", id: "area" });
     this.invitation = h("p", { id: "invitation" });
-    return [this.invitation, this.area];
+    const link = copying("Copy a link that holds the drawing", () => linkTo(this), { id: "copy-link", title: "Pattern, scene, voltage, point and mesh are in the link" });
+    return [this.invitation, this.area, h("div", { class: "tools" }, link)];
   }
 
   colouringControls() {
@@ -293,52 +312,13 @@ class Sketchpad {
     this.showPrices();
   }
 
-  pointPanel() {
-    const [width, height] = this.scene.size_mm;
-    const field = (/** @type {string} */ label, /** @type {"length"|"angle"} */ dimension, /** @type {number} */ value, /** @type {number} */ least, /** @type {number} */ most, /** @type {(value: number) => void} */ set) => {
-      const errorText = h("span", { class: "error", role: "alert" });
-      const input = numeric(String(value), label, { title: HINTS[dimension], oninput: () => {
-        const found = quantity(input.value, dimension, least, most);
-        this.showInvalid(label, input, errorText, found.wrong);
-        if (found.wrong) return;
-        set(found.value);
-        this.changed(false);
-      } });
-      return labelled(label, input, errorText);
-    };
-    const errorText = h("span", { class: "error", role: "alert" });
-    const target = numeric("", "target value", { name: "wanted", placeholder: "none", title: `${HINTS.length}; Improve searches for the nearest pattern`, oninput: () => {
-      const found = target.value.trim() ? quantity(target.value, "length", -1e3, 1e3) : { value: NaN, wrong: "" };
-      showInvalid(target, errorText, found.wrong);
-      if (found.wrong) return;
-      this.target = Number.isFinite(found.value) ? found.value : null;
-      if (this.shown) this.show();
-    } });
-    this.heatNote = h("p", { class: "soft small" });
-    return h(
-      "section",
-      { class: "panel" },
-      h("h2", {}, "Point"),
-      h(
-        "div",
-        { class: "tools" },
-        field("x, mm", "length", this.point[0], 0, width, (value) => (this.point = [value, this.point[1]])),
-        field("y, mm", "length", this.point[1], 0, height, (value) => (this.point = [this.point[0], value])),
-        field("direction, °", "angle", this.direction, -360, 360, (value) => (this.direction = value)),
-        labelled("target, mm", target, errorText),
-      ),
-      h("label", { class: "toggle" }, h("input", { type: "checkbox", name: "heat", onchange: (/** @type {any} */ event) => this.take({ heat: event.target.checked }) }), "Show the effect of each cell (adjoint)"),
-      this.heatNote,
-    );
-  }
-
   /** Clears an element, and runs an action whose error it shows. @param {any} element @param {() => Promise<void>} act */
   async attempt(element, act) {
     replace(element);
     await attempt(element, act);
   }
 
-  /** @param {{scene?: string}} first */
+  /** @param {First} first */
   reopen(first) {
     this.end();
     void sketchpad(this.view, first);
@@ -347,9 +327,7 @@ class Sketchpad {
   /** @param {Record<string, any>} values */
   take(values) {
     Object.assign(this, values);
-    // The critical voltage depends on mesh and effects.
     if ("elements" in values || "order" in values) this.showPrices();
-    if (["effects", "elements", "method", "order"].some((name) => name in values)) this.criticalText.textContent = "computing the critical voltage …";
     this.changed(false);
   }
 
@@ -375,11 +353,21 @@ class Sketchpad {
     };
   }
 
+  /** Identifies what the critical voltage depends on: the drawing, the state, effects, method and mesh. */
+  setupKey() {
+    return [this.pattern.cells.join(""), this.state, this.effects, this.method, this.elements, this.order].join(" ");
+  }
+
   /** Reacts to a change. @param {boolean} drawn whether the pattern changed */
   changed(drawn) {
     if (drawn) this.trim();
     this.version += 1;
     this.numbers.results.dataset.settled = "false";
+    const key = this.setupKey();
+    // Nothing is claimed of another drawing.
+    if (this.criticalOf !== key) this.drive.forget();
+    if (this.stable?.key !== key) this.stable = null;
+    this.sweeping.check();
     this.comparing.check();
     this.screening.check();
     this.grey();
@@ -449,6 +437,7 @@ class Sketchpad {
     else if (this.refining) this.refining.abort();
     if (!quick) this.refining = flight.controller;
     const pattern = this.pattern.copy();
+    const key = this.setupKey();
     try {
       const { document, arrays } = await frame("sketch", { body: this.body(quick), signal: flight.controller.signal });
       // A response that is older than the shown one is dropped.
@@ -457,8 +446,11 @@ class Sketchpad {
       this.failed = false;
       const kept = quick && this.shown ? { critical_voltage: null, error: null } : {};
       this.shown = { pattern, document: { ...document, ...kept }, arrays, quick, took: performance.now() - flight.began };
+      if (arrays.displacement) this.stable = key === this.setupKey() ? { key, shown: this.shown } : null;
+      else if (this.stable?.key !== key && document.bracket) void this.findStable(key, pattern, document.bracket[0]);
+      if (!quick) this.criticalOf = key;
       this.fresh = true;
-      this.soon(this.heat, true);
+      this.soon(this.heat || this.narrow.matches, true);
     } catch (error) {
       if (/** @type {any} */ (error).name === "AbortError" || this.ended) return;
       // The error of an older request does not matter any more.
@@ -472,6 +464,24 @@ class Sketchpad {
         this.next();
       }
     }
+  }
+
+  /** Requests the last stable state of a drawing that has none at its voltage. @param {string} key @param {Pattern} pattern @param {number} voltage */
+  async findStable(key, pattern, voltage) {
+    try {
+      const { document, arrays } = await frame("sketch", { body: { ...this.body(true), voltage } });
+      if (this.ended || key !== this.setupKey() || !arrays.displacement) return;
+      this.stable = { key, shown: { pattern, document, arrays, quick: true } };
+      this.soon(true, true);
+    } catch {
+      // The membrane is drawn at rest; the request of the solution reports errors.
+    }
+  }
+
+  /** The state that is drawn: that of the last response, or else the last stable one of the drawing. */
+  stableState() {
+    if (this.shown?.arrays.displacement) return this.shown;
+    return this.stable?.key === this.setupKey() ? this.stable.shown : null;
   }
 
   /** Shows an invalid value beside its field, and turns the numbers grey until it is corrected. @param {string} name @param {any} input @param {HTMLElement} place @param {string} wrong */
@@ -488,7 +498,7 @@ class Sketchpad {
     const { results } = this.numbers;
     for (const element of [results, this.membrane, this.bar, this.legend, this.line, this.numbers.notice]) element?.classList.toggle("old", old);
     // The critical voltage is computed after a pause.
-    this.criticalText?.classList.toggle("old", old || results.dataset.settled !== "true");
+    this.drive.text?.classList.toggle("old", old || results.dataset.settled !== "true");
     // Obsolete numbers must not be copied.
     if (this.numbers.copy) this.numbers.copy.disabled = old;
     results.title = old ? "for the values before" : "";
@@ -522,17 +532,9 @@ class Sketchpad {
     const { document: found, quick } = this.shown;
     if (!quick) {
       this.critical = found.critical_voltage;
-      this.voltageRange.max = String(Math.max(this.mostVoltage(), this.voltage));
-      this.criticalMark.value = this.critical === null ? "" : String(this.critical);
-      const critical = this.numbers.critical(found);
-      const [stable, lost] = found.critical_bracket ?? [];
-      const { critical_voltage: at, critical_voltage_error: error } = found;
-      const [from, to] = stable === undefined ? ["", ""] : rangeEnds([stable, lost], error ?? 0);
-      const own = stable === undefined ? "" : `this mesh alone: ${from === to ? from : `${from} to ${to}`} V`;
-      // The command prints the limit of the mesh: if both differ, both are shown.
-      const differs = own && error && (lost < at - error || stable > at + error);
-      this.criticalText.textContent = critical === null ? "no instability found" : `limit ${critical}${differs ? ` (${own})` : ""}`;
-      this.criticalText.title = stable === undefined ? "" : `this mesh alone: ${stable} to ${lost} V`;
+      this.drive.showLimit(found);
+      if (this.isFirst && found.max_displacement !== null && !this.scene.driven_by_charge && !this.sweeping.still.matches) void this.sweeping.start();
+      this.isFirst = false;
     }
     this.learnPace(found);
     this.numbers.show();
@@ -548,8 +550,11 @@ class Sketchpad {
     if (membrane) this.drawMembrane();
   }
 
-  drawPad() {
+  /** @param {{pattern: Pattern, displacement: Float32Array}|null} [played] the state of a sweep */
+  drawPad(played = null) {
     const { size_mm: size, parts } = this.scene;
+    const shown = this.narrow.matches ? this.stableState() : null;
+    const moved = played ?? (shown ? { pattern: shown.pattern, displacement: shown.arrays.displacement.data } : null);
     const sensitivity = this.heat ? this.shown?.arrays.sensitivity?.data : null;
     this.heatNote.textContent = this.heat
       ? sensitivity
@@ -565,14 +570,18 @@ class Sketchpad {
       heat: sensitivity ?? null,
       point: [this.point[0] / size[0], this.point[1] / size[1]],
       direction: this.direction,
+      moved: moved ? { ...moved, size, scale: this.scale } : null,
     });
   }
 
   drawMembrane() {
     const { columns, rows } = this.pattern;
     const { size_mm: size, parts, sides } = this.scene;
-    const shown = this.shown;
-    const displacement = /** @type {Float32Array|null} */ (shown?.arrays.displacement?.data ?? null);
+    // A sweep draws the membrane itself.
+    if (this.sweeping.isPlaying) return;
+    const shown = this.stableState();
+    const isLast = shown !== null && shown !== this.shown;
+    const displacement = /** @type {Float32Array|null} */ (shown?.arrays.displacement.data ?? null);
     const pattern = displacement ? shown.pattern : this.pattern;
     /** @type {ArrayLike<number>|null} */ let values = null;
     if (displacement && this.colouring === "displacement") values = magnitudes(displacement, columns, rows);
@@ -580,13 +589,15 @@ class Sketchpad {
     const [name, unit, factor, fromZero] = /** @type {any} */ (COLOURINGS)[this.colouring];
     const [least, high] = values ? range(values) : [0, 0];
     const low = fromZero ? Math.min(0, least) : least;
-    drawMembrane(this.membrane, pattern, displacement, { size, scale: this.scale, values, parts, sides, low, high });
+    drawMembrane(this.membrane, pattern, displacement, { size, scale: this.scale, values, parts, sides, low, high, point: this.point, direction: this.direction });
+    this.legend.classList.toggle("error", isLast);
     if (values) {
       drawBar(this.bar, false);
       // The error is that of displacements.
       const known = this.colouring === "displacement" && !shown.quick ? shown.document.error : null;
       this.legend.textContent = `${name}: ${[low, high].map((end) => (end === 0 ? "0" : roundedBy(end / factor, known, 3))).join(" to ")} ${unit}`;
-    } else this.legend.textContent = this.colouring === "electrode" || !shown || displacement ? "electrodes" : "no stable state: the membrane is shown at rest";
+    } else this.legend.textContent = this.colouring === "electrode" || !this.shown || displacement ? "electrodes" : "no stable state: the membrane is shown at rest";
+    if (isLast) this.legend.textContent = `no stable state at ${volts(this.voltage)}; this is the last stable one, at ${volts(shown.document.voltage)}: ${this.legend.textContent}`;
     if (sides) this.legend.textContent += `; ${SIDES}`;
     this.bar.hidden = !values;
   }

@@ -9,6 +9,7 @@ mod request;
 mod scenes;
 mod screen;
 mod solve;
+mod sweep;
 
 pub use files::{export, import};
 pub use improve::improve;
@@ -17,3 +18,4 @@ pub use reproduce::reproduce;
 pub use scenes::scenes;
 pub use screen::screen;
 pub use solve::solve;
+pub use sweep::sweep;

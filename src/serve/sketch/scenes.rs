@@ -11,7 +11,7 @@ use deaflow_fem::effects::EFFECTS;
 use deaflow_pattern::Part;
 use deaflow_scene::{Scene, Sides};
 
-/// Lists the scenes, the default one first, and the files whose scenes cannot be used, with their errors.
+/// Lists the scenes, the default one first, those of the gallery, and the files whose scenes cannot be used, with their errors.
 ///
 /// # Errors
 /// If the request is invalid.
@@ -24,7 +24,11 @@ pub fn scenes(state: &ServerState, request: &Request) -> Result<Response, ApiErr
         document
     });
     let refused: Vec<Value> = refused.collect();
-    Ok(json!({ "scenes": scenes, "refused": refused, "time_limit": TIME_LIMIT.as_secs() }).into())
+    let examples: Vec<Value> = state.examples().iter().map(document).collect();
+    Ok(
+        json!({ "scenes": scenes, "examples": examples, "refused": refused, "time_limit": TIME_LIMIT.as_secs() })
+            .into(),
+    )
 }
 
 fn document(named: &NamedScene) -> Value {

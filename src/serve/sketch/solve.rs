@@ -19,7 +19,7 @@ const FIELDS: [&str; 5] = ["displacement", "stress", "field", "tension", "sensit
 
 /// The voltage in V at which the search for the critical voltage starts: the deformation is negligible, and the ratios
 /// of several groups are kept.
-const START_VOLTAGE: f64 = 1.0;
+pub(super) const START_VOLTAGE: f64 = 1.0;
 
 /// Simulates a pattern.
 ///
@@ -86,7 +86,7 @@ pub fn solve(state: &ServerState, request: &Request) -> Result<Response, ApiErro
 
 /// Finds the critical voltage of a pattern, which does not depend on the requested voltage. `None` if there is none, or
 /// the method is an estimate.
-fn critical_voltage(
+pub(super) fn critical_voltage(
     state: &ServerState,
     setup: &SimulationSetup,
     solver: &PreparedSolver,
@@ -126,15 +126,24 @@ fn refine(setup: &SimulationSetup, pattern: &Pattern, bracket: [f64; 2]) -> Resu
 }
 
 /// A solution.
-struct SketchSolution {
-    simulation: Simulation,
+pub(super) struct SketchSolution {
+    /// Outcome, field and observations.
+    pub(super) simulation: Simulation,
     /// The solution on the mesh, if the method is Newton's.
     on_mesh: Option<MeshSolution>,
     seconds: f64,
 }
 
 impl SketchSolution {
-    fn new(setup: &SimulationSetup, prepared: &PreparedSolver, pattern: &Pattern) -> Result<Self, SetupError> {
+    /// Simulates a pattern.
+    ///
+    /// # Errors
+    /// If it cannot be simulated by the method.
+    pub(super) fn new(
+        setup: &SimulationSetup,
+        prepared: &PreparedSolver,
+        pattern: &Pattern,
+    ) -> Result<Self, SetupError> {
         let start = Instant::now();
         if setup.method == Method::Newton {
             let solver = prepared.solver.on_one_mesh()?;

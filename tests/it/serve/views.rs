@@ -7,7 +7,7 @@ use super::super::import;
 use super::answers::{MODEL, long_run};
 use super::server::Server;
 use super::tab::Tab;
-use super::{on_the_sketchpad, photographed, with_scene};
+use super::{blank, on_the_sketchpad, photographed, with_scene};
 
 /// A stage of each kind that has a view of its own, as small as they may be.
 const STAGES: &str = "  small:    { kind: sample, family: small-grid, count: 12, seed: 1 }
@@ -317,6 +317,7 @@ fn a_wrong_number_is_told_beside_its_field_and_all_values_can_be_reached() {
     tab.screen(1440, 900, "light");
     tab.go(&format!("{}#/sketch", server.url));
     tab.until("document.querySelector('#outcome')");
+    blank(&mut tab, "many");
     for (wrong, told) in [
         ("-5", "allowed: 0 to 1000000 V"),
         ("abc", "“abc” is not a number"),

@@ -1,0 +1,215 @@
+//! The sketchpad as it opens, its gallery, the voltage that plays, what lies beyond the limit, and links to drawings.
+
+use serde_json::json;
+
+use super::server::Server;
+use super::tab::Tab;
+use super::{disc, on_the_sketchpad, photographed, rows, with_scene};
+
+/// Waits until the numbers are those of what is drawn.
+const SETTLED: &str = "document.querySelector('#results')?.dataset.settled === 'true'";
+
+#[test]
+fn a_sweep_ends_at_the_limit_and_has_the_solutions_of_single_requests() {
+    let workspace = with_scene();
+    let server = Server::start(&workspace, &["sketch", "scene.yaml"]);
+    let mut body = json!({ "pattern": rows(disc), "elements_per_cell": 1, "point": [35, 20], "direction": 90 });
+    let reply = server.post("/api/sketch/sweep", &body);
+    assert_eq!(reply.status, 200, "{}", reply.text());
+    let (document, _) = reply.frame();
+    let points = document["points"].as_array().unwrap();
+    let of = |at: usize, name: &str| points[at][name].as_f64().unwrap();
+    let last = points.len() - 1;
+    assert!(last >= 20, "{document}");
+    assert!(
+        (1..=last).all(|at| of(at, "voltage") > of(at - 1, "voltage")),
+        "{document}"
+    );
+    let alone = server.post("/api/sketch", &body).json();
+    let limit = alone["critical_voltage"].as_f64().unwrap();
+    let stable = alone["critical_bracket"][0].as_f64().unwrap();
+    assert!(
+        (of(last, "voltage") - limit.min(stable)).abs() < 1e-9,
+        "{document} and {alone}"
+    );
+    let moved = reply.numbers("displacement");
+    let each = 51 * 51 * 2;
+    assert_eq!(moved.len(), points.len() * each);
+    for at in [1, last / 2, last] {
+        body["voltage"] = json!(of(at, "voltage"));
+        let single = server.post("/api/sketch", &body).json();
+        for name in ["max_displacement", "value"] {
+            let (in_sweep, alone) = (of(at, name), single[name].as_f64().unwrap());
+            assert!(
+                (in_sweep - alone).abs() < 1e-6,
+                "{name} of {at}: {in_sweep} and {alone}"
+            );
+        }
+        let field = moved[at * each..][..each].chunks_exact(2);
+        let largest = field
+            .map(|u| f64::from(u[0]).hypot(f64::from(u[1])))
+            .fold(0.0, f64::max);
+        assert!((largest - of(at, "max_displacement")).abs() < 1e-5, "{at}");
+    }
+    // Without a limit, it ends at the requested voltage.
+    let estimate = json!({ "pattern": rows(disc), "elements_per_cell": 1, "method": "linear", "voltage": 4000 });
+    let (document, _) = server.post("/api/sketch/sweep", &estimate).frame();
+    assert_eq!(document["points"][last]["voltage"], 4000.0, "{document}");
+    assert!(document["critical_voltage"].is_null());
+    body["voltage"] = json!(0);
+    body["method"] = json!("linear");
+    assert_eq!(server.post("/api/sketch/sweep", &body).status, 400);
+}
+
+#[test]
+fn the_sketchpad_opens_with_a_pattern_that_moves_and_has_a_gallery() {
+    let Some(mut tab) = Tab::open() else { return };
+    let workspace = with_scene();
+    let server = Server::start(&workspace, &["sketch", "scene.yaml"]);
+    tab.screen(1440, 900, "light");
+    tab.go(&server.url);
+    tab.until(SETTLED);
+    assert_eq!(tab.value("document.querySelector('#volts').value"), "5250 V");
+    assert_eq!(tab.text("#area"), "area 50 %, 1250 mm²");
+    // The sweep runs once, by itself, and ends at the voltage of the drawing.
+    tab.until("document.querySelector('#sweep svg') && document.querySelector('#play').textContent.includes('Play')");
+    tab.until("document.querySelector('#volts').value === '5250 V'");
+    assert_eq!(tab.value("document.querySelectorAll('[data-gallery]').length"), 8);
+    photographed(&mut tab, "gallery");
+    // It plays: the voltage, the membrane and the dot move.
+    tab.value("window.seen = new Set(); window.watch = setInterval(() => window.seen.add(`${document.querySelector('#volts').value} ${document.querySelector('#sweep .dot').getAttribute('cx')}`), 30)");
+    tab.click("#play");
+    tab.until("document.querySelector('.legend').textContent.startsWith('pull-in: no stable state above ')");
+    tab.until("document.querySelector('#play').textContent.includes('Play')");
+    tab.value("clearInterval(window.watch)");
+    assert!(tab.value("window.seen.size").as_u64().unwrap() > 5);
+    // Whatever is drawn stops it, and the curve is grey.
+    tab.click("[data-gallery=disc]");
+    tab.until("document.querySelector('#sweep').classList.contains('old')");
+    tab.click("button[name=undo]");
+    tab.until("document.querySelector('#area').textContent.startsWith('area 50 %')");
+    // Devices have scenes of their own, with their frames, groups and states.
+    tab.click("[data-gallery=lens]");
+    tab.until("document.querySelector('select[name=scene]')?.value === 'lens (example)'");
+    tab.until(SETTLED);
+    assert!(tab.number("#max-displacement") > 0.1);
+    tab.click("[data-gallery=push-pull]");
+    tab.until("document.querySelector('select[name=state]')");
+    tab.until(SETTLED);
+    assert!(tab.number("#max-displacement") > 0.1);
+    tab.click("#own-scene");
+    tab.until("!document.querySelector('#own-scene')");
+    assert_eq!(tab.complaints, Vec::<String>::new());
+}
+
+#[test]
+fn beyond_the_limit_the_last_stable_state_stays_and_a_button_goes_back() {
+    let Some(mut tab) = Tab::open() else { return };
+    let (_workspace, _server) = on_the_sketchpad(&mut tab);
+    tab.click("[data-tool=rectangle]");
+    tab.stroke("#pad", &[[0.3, 0.3], [0.6, 0.6]]);
+    tab.until(SETTLED);
+    tab.until("!document.querySelector('#unstable-zone').hidden && document.querySelector('#to-limit').hidden");
+    let limit = tab.text("#critical-voltage");
+    // The red part of the slider begins at the limit.
+    let share = "(() => { const [zone, range] = ['#unstable-zone', '#voltage'].map((one) => document.querySelector(one).getBoundingClientRect()); return (zone.left - range.left - 8) / (range.width - 16) * Number(document.querySelector('#voltage').max) })()";
+    let begins = tab.value(share).as_f64().unwrap();
+    let told: f64 = limit.split(' ').nth(1).unwrap().parse().unwrap();
+    assert!((begins - told).abs() < 0.02 * told, "{begins} and {limit}");
+    tab.write("#volts", "9 kV");
+    tab.until("document.querySelector('.legend').textContent.includes('this is the last stable one, at 5250 V: displacement: 0 to ')");
+    tab.until("!document.querySelector('#to-limit').hidden");
+    assert!(tab.text("#to-limit").starts_with("Go to ") && tab.text("#to-limit").ends_with(" kV"));
+    photographed(&mut tab, "beyond");
+    // Of another drawing nothing is known yet.
+    tab.stroke("#pad", &[[0.1, 0.3], [0.2, 0.6]]);
+    tab.until("document.querySelector('.legend').textContent.includes('this is the last stable one') && !document.querySelector('.legend').textContent.includes('5250')");
+    tab.until(SETTLED);
+    tab.value("document.querySelector('[data-gallery=ring]').click()");
+    assert_eq!(tab.text("#critical-voltage"), "computing the critical voltage …");
+    let hidden =
+        tab.value("document.querySelector('#unstable-zone').hidden && document.querySelector('#to-limit').hidden");
+    assert_eq!(hidden, true);
+    tab.until(SETTLED);
+    tab.click("#to-limit");
+    tab.until("document.querySelector('#outcome').textContent === 'converged'");
+    tab.until("document.querySelector('#to-limit').hidden");
+    assert_eq!(tab.complaints, Vec::<String>::new());
+}
+
+/// How many pixels of the drawing have the colour of the deformed outline.
+const OUTLINE: &str = "(() => { const pad = document.querySelector('#pad'); const { data } = pad.getContext('2d').getImageData(0, 0, pad.width, pad.height); let count = 0; for (let at = 0; at < data.length; at += 4) count += Math.hypot(data[at] - 0x7b, data[at + 1] - 0x1f, data[at + 2] - 0xa2) < 60; return count })()";
+
+#[test]
+fn the_point_is_dragged_and_a_narrow_screen_draws_the_deformed_outline_over_the_drawing() {
+    let Some(mut tab) = Tab::open() else { return };
+    let (_workspace, _server) = on_the_sketchpad(&mut tab);
+    tab.click("[data-gallery=half]");
+    tab.until(SETTLED);
+    assert_eq!(tab.value(OUTLINE), 0);
+    let field = |tab: &mut Tab, label: &str| -> f64 {
+        let found = tab.value(&format!(
+            "document.querySelector('input[aria-label=\"{label}\"]').value"
+        ));
+        found.as_str().unwrap().parse().unwrap()
+    };
+    // At rest, a point is where it is drawn: margins of 4 % around 50 mm.
+    tab.write("#volts", "0");
+    tab.until("document.querySelector('#max-displacement')?.dataset.value === '0'");
+    tab.stroke("#membrane", &[[0.5, 0.5], [0.4, 0.4], [0.316, 0.316]]);
+    assert!((field(&mut tab, "x, mm") - 15.0).abs() < 0.3 && (field(&mut tab, "y, mm") - 35.0).abs() < 0.3);
+    // The tip of the arrow turns it.
+    tab.stroke("#membrane", &[[0.316 + 0.12, 0.316], [0.4, 0.25], [0.316, 0.15]]);
+    assert!((field(&mut tab, "direction, °") - 90.0).abs() <= 2.0);
+    tab.write("#volts", "5250");
+    tab.until(SETTLED);
+    tab.screen(390, 900, "light");
+    tab.until(&format!("{OUTLINE} > 100"));
+    assert_eq!(tab.complaints, Vec::<String>::new());
+}
+
+#[test]
+fn a_link_holds_the_drawing() {
+    let Some(mut tab) = Tab::open() else { return };
+    let (_workspace, server) = on_the_sketchpad(&mut tab);
+    tab.stroke("#pad", &[[0.2, 0.3], [0.4, 0.5], [0.5, 0.3], [0.6, 0.7]]);
+    tab.write("#volts", "4321.5 V");
+    tab.write("input[aria-label='x, mm']", "12.25");
+    tab.write("input[aria-label='direction, °']", "-30");
+    tab.until(SETTLED);
+    let numbers = "['#max-displacement', '#value'].map((one) => document.querySelector(one).dataset.value)";
+    let drawn = tab.value("JSON.parse(sessionStorage.getItem('deaflow scene'))");
+    let before = tab.value(numbers);
+    tab.value("navigator.clipboard.writeText = async (text) => { window.copied = text }");
+    tab.click("#copy-link");
+    let link = tab.value("window.copied").as_str().unwrap().to_owned();
+    assert!(link.len() <= 2048, "{} bytes", link.len());
+    tab.value("sessionStorage.clear(); localStorage.clear()");
+    tab.go("about:blank");
+    tab.go(&link);
+    tab.until(SETTLED);
+    assert_eq!(tab.value(numbers), before);
+    assert_eq!(tab.value("document.querySelector('#volts').value"), "4321.5 V");
+    assert_eq!(tab.value("location.hash"), "#/sketch");
+    // The next stroke stores the drawing as it was, with the stroke.
+    tab.stroke("#pad", &[[0.9, 0.9], [0.9, 0.9]]);
+    tab.click("button[name=undo]");
+    tab.until("sessionStorage.getItem('deaflow scene')");
+    assert_eq!(tab.value("JSON.parse(sessionStorage.getItem('deaflow scene'))"), drawn);
+    // A link to a scene that is not there says so, and so does one that was cut off.
+    let address = format!("http://127.0.0.1:{}/", server.port);
+    for (changed, told) in [
+        (link.replace("scene=scene", "scene=other"), "needs the scene “other”"),
+        (link[..link.len() - 40].to_owned(), "the link is incomplete"),
+    ] {
+        assert!(changed.starts_with(&address), "{changed}");
+        tab.go("about:blank");
+        tab.go(&changed);
+        tab.until(&format!(
+            "document.querySelector('[role=alert]')?.textContent.includes({})",
+            json!(told)
+        ));
+        tab.until("document.querySelector('#outcome')");
+    }
+    assert_eq!(tab.complaints, Vec::<String>::new());
+}
