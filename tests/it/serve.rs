@@ -904,6 +904,7 @@ fn pipelines_rows_and_runs_are_looked_at() {
     workspace.stages(&["run", "small.yaml", "--set", "stages.balanced.target=3"]);
     tab.until("document.querySelectorAll('tbody tr').length === 2");
     photographed(&mut tab, "runs");
+    runs_are_sorted_chosen_and_drawn(&mut tab, server.port);
     tab.value("document.querySelectorAll('tbody input').forEach((box) => box.click())");
     tab.click(".tools button");
     tab.until("document.body.innerText.includes('stages.balanced.target')");
@@ -915,6 +916,39 @@ fn pipelines_rows_and_runs_are_looked_at() {
     tab.click("input[name=equal]");
     photographed(&mut tab, "compare");
     assert_eq!(tab.complaints, Vec::<String>::new());
+}
+
+/// Of two runs, one with a changed value: columns and their order are in the address, and each run is a line.
+fn runs_are_sorted_chosen_and_drawn(tab: &mut Tab, port: u16) {
+    let latest = tab.value("[...document.querySelectorAll('tbody a.mono')].map((link) => link.textContent)");
+    tab.click("[data-sort=ended]");
+    tab.until("location.hash === '#/runs?sort=ended' && document.querySelector('th[aria-sort=ascending]')");
+    let oldest = tab.value("[...document.querySelectorAll('tbody a.mono')].map((link) => link.textContent).reverse()");
+    assert_eq!(latest, oldest);
+    tab.click("input[name=column-took]");
+    tab.until("!location.hash.includes('took') && location.hash.includes('columns=') && !document.querySelector('[data-title=took]')");
+    let changed = "set:stages.balanced.target";
+    tab.click(&format!("input[name='column-{changed}']"));
+    tab.until(&format!("document.querySelector(\"[data-sort='{changed}']\")"));
+    // The address holds all of it.
+    let link = tab.value("location.hash");
+    tab.go("about:blank");
+    tab.go(&format!("http://127.0.0.1:{port}/{}", link.as_str().unwrap()));
+    tab.until(&format!(
+        "document.querySelector(\"[data-sort='{changed}']\") && !document.querySelector('[data-title=took]')"
+    ));
+    // One line for each run, which is named while it is pointed at.
+    tab.until("document.querySelectorAll('#parallel [data-run] .run').length === 2");
+    tab.value("document.querySelector('#parallel [data-run]').dispatchEvent(new Event('mouseenter'))");
+    tab.until("document.querySelector('#hovered').textContent.startsWith(`run ${document.querySelector('#parallel [data-run]').dataset.run}, `)");
+    tab.value("(() => { const result = document.querySelector('select[name=result]'); result.value = 'balanced.rows'; result.dispatchEvent(new Event('change')) })()");
+    tab.until("location.hash.includes('result=balanced.rows')");
+    let colours = "new Set([...document.querySelectorAll('#parallel .run')].map((line) => getComputedStyle(line).stroke)).size === 2";
+    tab.until(colours);
+    photographed(tab, "parallel");
+    tab.go("about:blank");
+    tab.go(&format!("http://127.0.0.1:{port}/#/runs"));
+    tab.until("document.querySelectorAll('tbody tr').length === 2");
 }
 
 #[test]

@@ -6,7 +6,8 @@ import { listen } from "./live.js";
 import { sketchpad } from "./sketch.js";
 import { overview } from "./overview.js";
 import { pipelineView } from "./pipelines.js";
-import { compareView, runView, runsView } from "./runs.js";
+import { runsView } from "./run-list.js";
+import { compareView, runView } from "./runs.js";
 import { artifactView, artifactsView } from "./artifacts.js";
 
 const view = /** @type {HTMLElement} */ (document.getElementById("view"));
@@ -60,7 +61,7 @@ async function opened(name, rest, query, place) {
     }
     case "runs":
       if (rest[0] === "compare") return compareView(place, rest.slice(1));
-      return rest.length ? runView(place, rest[0]) : runsView(place);
+      return rest.length ? runView(place, rest[0]) : runsView(place, query);
     case "artifacts":
       return rest.length ? artifactView(place, rest[0], query) : artifactsView(place, query, [], "Artifacts");
     case "models":

@@ -5,10 +5,13 @@ const UNITS = {
   voltage: { V: 1, mV: 1e-3, kV: 1e3, MV: 1e6 },
   length: { mm: 1, m: 1e3, cm: 10, um: 1e-3, "µm": 1e-3, "μm": 1e-3, nm: 1e-6 },
   angle: { deg: 1, "°": 1 },
+  pressure: { Pa: 1, kPa: 1e3, MPa: 1e6, GPa: 1e9 },
+  time: { s: 1, ms: 1e-3, us: 1e-6, min: 60, h: 3600 },
+  frequency: { Hz: 1, mHz: 1e-3, kHz: 1e3 },
 };
 
-/** Units of the values of pipelines by dimension, as in `base/quantity.rs`. */
-const KNOWN = [["mm", "m", "cm", "um", "µm", "μm", "nm"], ["V", "mV", "kV", "MV"], ["deg", "°"], ["Pa", "kPa", "MPa", "GPa"], ["s", "ms", "us", "min", "h"], ["Hz", "mHz", "kHz"]];
+/** Units of the values of pipelines by dimension. */
+const KNOWN = Object.values(UNITS).map((units) => Object.keys(units));
 
 /**
  * Refuses a number without a unit if the value in the file has one: it would be taken in the base unit.
@@ -19,6 +22,15 @@ export function withoutUnit(text, inFile) {
   if (!unit || !/^[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?$/.test(text.trim()) || Number(text) === 0) return "";
   const allowed = KNOWN.find((units) => units.includes(unit)) ?? [unit];
   return `“${text.trim()}” has no unit; in the file it is ${inFile.trim()}. Allowed: a number with ${allowed.join(", ")}`;
+}
+
+/** Converts a text to a number, in the first unit of its dimension; NaN if it is not a number with a known unit, or without one. @param {string} text */
+export function inBaseUnit(text) {
+  const parts = /^([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S*)$/.exec(text.trim());
+  if (!parts) return NaN;
+  const units = Object.values(UNITS).find((known) => parts[2] in known);
+  const factor = parts[2] ? units?.[parts[2]] ?? NaN : 1;
+  return Number((Number(parts[1]) * factor).toPrecision(12));
 }
 
 /** Hints for fields of a dimension. @type {Record<string, string>} */

@@ -1,11 +1,10 @@
-// Past runs: the list, one of them, and the comparison of several.
+// Past runs: one of them, and the comparison of several.
 
 import { json } from "./server.js";
-import { attempt, cell, changes, h, near, number, pageOf, replace, seconds, short, table, titled, when } from "./elements.js";
+import { attempt, cell, h, near, number, pageOf, replace, seconds, short, table, titled, when } from "./elements.js";
 import { image } from "./pictures.js";
 
-/** Results in a row of the list, and the order of results. */
-const MAX_RESULTS = 4;
+/** The order of results. */
 const FIRST = [/\.displacement$/, /\.predicted$/, /\.(rmse|max_error)/, /\.value/, /\.max_displacement$/];
 
 /** Sorts results by importance: displacements of verified designs, then errors of models. @param {Record<string, any>} results @returns {[string, any][]} */
@@ -15,50 +14,6 @@ export function ranked(results) {
     return at < 0 ? FIRST.length : at;
   };
   return Object.entries(results).sort(([a], [b]) => place(a) - place(b));
-}
-
-/** Marked runs; they are kept when the view changes. @type {Set<string>} */
-const CHOSEN = new Set();
-
-/** @param {HTMLElement} view @returns {Promise<() => void>} */
-export async function runsView(view) {
-  const chosen = CHOSEN;
-  let ended = false;
-  const box = h("div", {});
-  const compare = h("button", { type: "button", disabled: chosen.size < 2, onclick: () => (location.hash = `#/runs/compare/${[...chosen].join("/")}`) }, "Compare");
-  const fill = async () => {
-    const { runs, more } = await json("runs?limit=200");
-    if (ended) return;
-    const row = (/** @type {any} */ run) => {
-      const mark = h("input", { type: "checkbox", checked: chosen.has(run.id), "aria-label": `Compare run ${run.id}`, onchange: () => {
-        if (mark.checked) chosen.add(run.id);
-        else chosen.delete(run.id);
-        compare.disabled = chosen.size < 2;
-      } });
-      const withOutcome = (/** @type {string} */ outcome) => run.stages.filter((/** @type {any} */ stage) => stage.outcome === outcome).map((/** @type {any} */ stage) => stage.name);
-      const [built, failed, stopped] = ["built", "failed", "stopped"].map(withOutcome);
-      const results = ranked(run.results);
-      return [
-        mark,
-        h("a", { class: "mono", href: `#/runs/${run.id}` }, run.id),
-        when(run.created),
-        run.command === "run" ? run.pipeline : `${run.pipeline} (${run.command})`,
-        seconds(run.seconds),
-        h("span", {}, built.length > 5 ? `${built.length} of ${run.stages.length}` : built.join(", ") || "nothing", failed.length ? h("span", { class: "error" }, ` failed: ${failed.join(", ")}`) : null, stopped.length ? ` stopped: ${stopped.join(", ")}` : null),
-        changes(run.overrides),
-        h("span", {}, results.slice(0, MAX_RESULTS).map(([name, value]) => h("div", {}, `${name} ${cell(/** @type {number} */ (value))}`))),
-      ];
-    };
-    replace(box, runs.length ? table("Runs", ["", "run", "ended", "pipeline", { title: "took", number: true }, "built", "changed", "results"], runs.map(row), true) : h("p", {}, "There are no runs yet; start one with ", h("code", {}, "deaflow run pipeline.yaml"), "."), more ? h("p", { class: "soft" }, `The last ${runs.length} runs; deaflow log lists all.`) : null);
-  };
-  replace(view, h("h1", {}, "Runs"), h("div", { class: "tools" }, compare, h("span", { class: "soft" }, "mark two or more runs")), box);
-  await fill();
-  const listen = () => void fill().catch(() => {});
-  window.addEventListener("news", listen);
-  return () => {
-    ended = true;
-    window.removeEventListener("news", listen);
-  };
 }
 
 /** @param {HTMLElement} view @param {string} id */
