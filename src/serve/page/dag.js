@@ -45,9 +45,9 @@ export function progress(stage, now) {
 }
 
 /**
- * @param {any[]} stages @param {any} layout of the server @param {Record<string, any>} working
+ * @param {any[]} stages @param {any} layout of the server @param {Record<string, any>} working @param {(stage: any) => {text: string, full: string}} last result of a stage
  */
-export function drawing(stages, layout, working) {
+export function drawing(stages, layout, working, last) {
   const high = layout.stage_height;
   const left = (/** @type {number} */ layer) => layer * (WIDTH + BETWEEN);
   const width = Math.max(left(layout.layers) - BETWEEN, WIDTH) + 4;
@@ -68,12 +68,12 @@ export function drawing(stages, layout, working) {
     return svg(
       "g",
       { class: kind, transform: `translate(${left(place[0])} ${place[1] - high / 2})` },
-      svg("title", {}, [stage.name, stage.kind, words, ...stage.reasons].join("\n")),
+      svg("title", {}, [stage.name, stage.kind, words, ...stage.reasons, last(stage).full].filter(Boolean).join("\n")),
       svg("rect", { width: WIDTH, height: high, rx: 6 }),
       svg("rect", { class: "stripe", width: 5, height: high, rx: 2 }),
       svg("text", { class: "name", x: 13, y: 21 }, cut(stage.name, NAME)),
-      svg("text", { x: 13, y: 39 }, cut(stage.kind, LINE)),
-      svg("text", { x: 13, y: 56 }, cut(words, LINE)),
+      svg("text", { x: 13, y: 39 }, cut(`${stage.kind}: ${words}`, LINE)),
+      svg("text", { x: 13, y: 56, class: "last" }, cut(last(stage).text, LINE)),
       part === null ? null : svg("rect", { class: "done", x: 5, y: high - 4, width: (WIDTH - 5) * part, height: 4 }),
     );
   };

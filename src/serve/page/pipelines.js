@@ -1,13 +1,17 @@
 // Pipelines: the state of their stages, and what would be built after a change.
 
 import { json } from "./server.js";
-import { attempt, bytes, h, near, problem, replace, replaceUrl, seconds, settled, short, table, titled } from "./elements.js";
+import { attempt, bytes, cell, h, near, problem, replace, replaceUrl, seconds, settled, short, table, titled } from "./elements.js";
 import { drawing as dag, list as stageList, progress, state } from "./dag.js";
 import { others, underWay } from "./live.js";
 import { withoutUnit } from "./quantity.js";
+import { ofStage, ranked } from "./runs.js";
 
 /** Values that are listed at first. */
 const FIRST = 40;
+
+/** Values that stand above all others: what a design is made for. */
+const MAIN = /\.(voltages?|area|points?|direction)$/;
 
 /** Time between two checks of a run, ms, and the longest one while the server does not respond. */
 const INTERVAL = 700;
@@ -63,6 +67,17 @@ export async function pipelineView(view, id, mayRun, query) {
     showStages();
   };
 
+  /** The main result of a stage in the last run, and the time that it took. @param {any} stage */
+  const last = (stage) => {
+    const { results, units, seconds: took } = found.last ?? {};
+    const own = ranked(ofStage(results ?? {}, "", stage.name, found.stages.map((/** @type {any} */ one) => one.name)))[0];
+    const name = own?.[0].slice(stage.name.length + 1) ?? "";
+    const unit = own ? units?.[own[0]] ?? "" : "";
+    const time = took?.[stage.name] === undefined ? "" : seconds(took[stage.name]);
+    const join = (/** @type {string} */ value) => [value, time && `(${time})`].filter(Boolean).join(" ");
+    return { text: join(own ? (unit ? `${cell(own[1])} ${unit}` : `${name} ${cell(own[1])}`) : ""), full: join(own ? `${name} ${cell(own[1])} ${unit}`.trim() : "") };
+  };
+
   const showStages = () => {
     const working = underWay(found.pipeline, found.path, set);
     const texts = others(found.pipeline, set).map((run) => {
@@ -70,7 +85,7 @@ export async function pipelineView(view, id, mayRun, query) {
       return h("p", { class: "box" }, `Another run of this pipeline is in progress, with ${values} (process ${run.pid})${run.stages.length ? `: ${run.stages.map((/** @type {any} */ stage) => stage.name).join(", ")}` : ""}.`);
     });
     replace(elsewhere, texts);
-    replace(drawing, dag(planned.stages, found.layout, working));
+    replace(drawing, dag(planned.stages, found.layout, working, last));
     const made = (/** @type {any} */ stage) => (stage.digest && stage.outcome !== "stale" ? short(stage.digest) : "");
     const chunks = (/** @type {any} */ stage) => (stage.chunks_built + stage.chunks_reused > 1 && stage.chunks_built ? `${stage.chunks_built} of ${stage.chunks_built + stage.chunks_reused}` : "");
     const row = (/** @type {any} */ stage) => {
@@ -83,11 +98,12 @@ export async function pipelineView(view, id, mayRun, query) {
         stage.reasons.length ? h("span", {}, stage.reasons.map((/** @type {string} */ reason) => h("div", {}, reason))) : "",
         chunks(stage),
         stage.price ? seconds(stage.price.seconds.likely) : "",
+        last(stage).full,
         made(stage),
       ];
     };
-    replace(stages, table("Stages", ["stage", "kind", "state", "reason", { title: "chunks to build", number: true }, { title: "estimated time", number: true }, "artifact"], planned.stages.map(row)));
-    replace(narrow, stageList(planned.stages, found.needs, working, (stage) => h("div", { class: "small" }, chunks(stage) ? `${chunks(stage)} chunks to build ` : "", made(stage))));
+    replace(stages, table("Stages", ["stage", "kind", "state", "reason", { title: "chunks to build", number: true }, { title: "estimated time", number: true }, "last result", "artifact"], planned.stages.map(row)));
+    replace(narrow, stageList(planned.stages, found.needs, working, (stage) => h("div", { class: "small" }, last(stage).full ? h("div", {}, last(stage).full) : null, chunks(stage) ? `${chunks(stage)} chunks to build ` : "", made(stage))));
   };
 
   const old = (/** @type {boolean} */ is) => [drawing, stages, narrow].forEach((element) => element.classList.toggle("old", is));
@@ -145,9 +161,12 @@ export async function pipelineView(view, id, mayRun, query) {
       note();
       return line;
     };
+    const main = h("div", { class: "values", role: "group", "aria-label": "Main values" });
+    const isMain = (/** @type {any} */ one) => MAIN.test(one.path);
+    const rest = found.values.filter((/** @type {any} */ one) => !isMain(one));
     const fill = () => {
       const search_text = search.value.trim().toLowerCase();
-      const fits = found.values.filter((/** @type {any} */ one) => one.path.toLowerCase().includes(search_text));
+      const fits = rest.filter((/** @type {any} */ one) => one.path.toLowerCase().includes(search_text));
       const all = () => {
         most = Infinity;
         fill();
@@ -155,21 +174,25 @@ export async function pipelineView(view, id, mayRun, query) {
       replace(list, fits.length ? fits.slice(0, most).map(row) : h("p", { class: "soft" }, "No path contains this text."), fits.length > most ? h("button", { type: "button", onclick: all, name: "all-values" }, `Show ${fits.length - most} more`) : null);
       markInvalid();
     };
+    const fillMain = () => replace(main, found.values.filter(isMain).map(row));
+    const both = (/** @type {string} */ selector) => [main, list].flatMap((/** @type {any} */ part) => [...part.querySelectorAll(selector)]);
     markInvalid = () => {
-      for (const input of list.querySelectorAll("input")) {
+      for (const input of both("input")) {
         if (input.dataset.path === refused) input.setAttribute("aria-invalid", "true");
         else input.removeAttribute("aria-invalid");
       }
-      for (const place of list.querySelectorAll("[data-wrong]")) place.textContent = place.dataset.wrong === refused ? reason : "";
+      for (const place of both("[data-wrong]")) place.textContent = place.dataset.wrong === refused ? reason : "";
     };
     search.addEventListener("input", fill);
+    fillMain();
     fill();
     const back = h("button", { type: "button", onclick: () => {
       set = {};
+      fillMain();
       fill();
       void replan();
     } }, "Reset to the file");
-    return h("section", {}, h("h2", {}, "Change a value"), h("p", { class: "soft small" }, "The plan is updated at once; nothing is built, and no file is changed. Paths are those of ", h("code", {}, "--set"), "; give quantities with a unit: ", h("code", {}, "4 kV"), ", ", h("code", {}, "25 mm"), "."), h("div", { class: "tools" }, search, back), list);
+    return h("section", {}, h("h2", {}, "Change a value"), h("p", { class: "soft small" }, "The plan is updated at once; nothing is built, and no file is changed. Paths are those of ", h("code", {}, "--set"), "; give quantities with a unit: ", h("code", {}, "4 kV"), ", ", h("code", {}, "25 mm"), "."), main, h("div", { class: "tools" }, back), rest.length ? h("details", { id: "other-values", open: Object.keys(set).some((path) => !MAIN.test(path)) }, h("summary", {}, `${rest.length} other values`), h("div", { class: "tools" }, search), list) : null);
   };
 
   const runner = () => {
@@ -222,20 +245,13 @@ export async function pipelineView(view, id, mayRun, query) {
     };
     checkRun = look;
     void look();
-    return h(
-      "section",
-      {},
-      h("h2", {}, "Run"),
-      h("div", { class: "tools" }, begin, stop),
-      refusal,
-      log,
-    );
+    return h("section", { "aria-label": "Run" }, h("div", { class: "tools" }, begin, stop), refusal, log);
   };
 
   if (found.problem) {
     replace(view, h("h1", {}, "Pipeline"), h("p", { class: "mono" }, near(found.path)), problem(found.problem), source(found.text, found.problem.file === found.path ? found.problem.line : null));
   } else {
-    replace(view, h("h1", {}, found.pipeline), h("p", { class: "mono soft" }, near(found.path)), estimate, elsewhere, errorBox, warnings, drawing, stages, narrow, editor(), runBox, h("details", {}, h("summary", {}, "The file"), source(found.text, null)));
+    replace(view, h("h1", {}, found.pipeline), h("p", { class: "mono soft" }, near(found.path)), h("div", { class: "planned" }, estimate, runBox), elsewhere, errorBox, warnings, drawing, narrow, editor(), stages, h("details", {}, h("summary", {}, "The file"), source(found.text, null)));
     replace(runBox, runner());
     titled(`${found.pipeline} – Pipelines`);
     show(found);

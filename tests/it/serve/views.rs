@@ -344,6 +344,13 @@ fn a_wrong_number_is_told_beside_its_field_and_all_values_can_be_reached() {
         .unwrap()
         .len();
     tab.go(&format!("http://127.0.0.1:{}/#/pipelines/0", server.port));
+    // Values of scenes and designs stand on top; the others are folded.
+    assert_eq!(tab.value("document.querySelector('#other-values').open"), false);
+    assert_eq!(
+        tab.value("document.querySelector('[aria-label=\"Main values\"] [data-path]').dataset.path"),
+        "scene.drive.voltage"
+    );
+    tab.value("document.querySelector('#other-values').open = true");
     tab.click("button[name=all-values]");
     tab.until(&format!("document.querySelectorAll('[data-path]').length === {listed}"));
     // On a narrow screen stages stand below each other, and nothing is cut off.
