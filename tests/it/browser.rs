@@ -1,5 +1,7 @@
 //! A page as Chromium shows it, without a screen and without a network.
 
+use std::collections::BTreeSet;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -36,6 +38,9 @@ const drawn=[...document.querySelectorAll('svg:not([aria-hidden]),img')];
 const small=drawn.filter(d=>{const r=d.getBoundingClientRect();return r.width<8||r.height<8});
 parent.postMessage(JSON.stringify({width:innerWidth,scrolled:document.documentElement.scrollWidth,drawings:drawn.length,
 without_size:small.length,fetched:performance.getEntriesByType('resource').length,complaints:complaints}),'*')})</script>";
+
+/// Defines `measured`, a function that finds faults of the page that it runs in.
+pub const MEASURE: &str = include_str!("browser/measure.js");
 
 impl Browser {
     /// The first that is there.
@@ -95,8 +100,7 @@ impl Browser {
         for (k, (width, look)) in views.iter().enumerate() {
             let name = format!("{width} px, {look}");
             let script = format!(
-                "<script>const view={name:?};{}</script>",
-                include_str!("browser/measure.js")
+                "<script>{MEASURE}addEventListener('load',()=>parent.postMessage(JSON.stringify(measured({name:?})),'*'))</script>"
             );
             let own = in_look(&text, look).replacen("</body>", &format!("{script}</body>"), 1);
             std::fs::write(folder.path().join(format!("{k}.html")), own).unwrap();
@@ -132,15 +136,36 @@ impl Browser {
 
     /// How many pages it prints.
     pub fn pages(&self, page: &Path) -> usize {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("printed.pdf");
-        let print = format!("--print-to-pdf={}", file.display());
-        let (_, told) = self.open(page, 800, 1100, &[&print, "--no-pdf-header-footer"]);
-        let printed = std::fs::read(&file).unwrap_or_else(|error| panic!("{error}: {told}"));
+        let printed = self.printed(page);
         let text = String::from_utf8_lossy(&printed);
         // Chromium writes the objects of pages uncompressed.
         let pages = text.split("/Type /Page").skip(1);
         pages.filter(|rest| !rest.starts_with('s')).count()
+    }
+
+    /// The colours that a printed page fills shapes and letters with, each once.
+    pub fn printed_colours(&self, page: &Path) -> BTreeSet<[u8; 3]> {
+        let printed = self.printed(page);
+        let mut found = BTreeSet::new();
+        for content in streams(&printed) {
+            let words: Vec<&str> = content.split_ascii_whitespace().collect();
+            for four in words.windows(4).filter(|four| four[3] == "rg") {
+                let shares: Vec<f64> = four[..3].iter().filter_map(|word| word.parse().ok()).collect();
+                if let [red, green, blue] = shares[..] {
+                    found.insert([red, green, blue].map(|share: f64| (255.0 * share).round() as u8));
+                }
+            }
+        }
+        found
+    }
+
+    /// The page as a PDF.
+    fn printed(&self, page: &Path) -> Vec<u8> {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("printed.pdf");
+        let print = format!("--print-to-pdf={}", file.display());
+        let (_, told) = self.open(page, 800, 1100, &[&print, "--no-pdf-header-footer"]);
+        std::fs::read(&file).unwrap_or_else(|error| panic!("{error}: {told}"))
     }
 
     /// What it writes to stdout and stderr.
@@ -166,6 +191,31 @@ impl Browser {
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
         (text(&output.stdout), text(&output.stderr))
     }
+}
+
+/// The compressed contents of a PDF, as text; other streams are left out.
+fn streams(pdf: &[u8]) -> Vec<String> {
+    let find = |from: usize, word: &[u8]| {
+        pdf[from..]
+            .windows(word.len())
+            .position(|own| own == word)
+            .map(|at| from + at)
+    };
+    let mut found = Vec::new();
+    let mut from = 0;
+    while let Some(at) = find(from, b"stream\n") {
+        let start = at + b"stream\n".len();
+        let Some(end) = find(start, b"endstream") else { break };
+        let mut text = String::new();
+        if flate2::read::ZlibDecoder::new(&pdf[start..end])
+            .read_to_string(&mut text)
+            .is_ok()
+        {
+            found.push(text);
+        }
+        from = end + b"endstream".len();
+    }
+    found
 }
 
 /// Width between the margins of a page of A4, in pixels.

@@ -156,6 +156,7 @@ fn a_report_opens_anywhere_fetches_nothing_and_its_designs_are_files() {
     masks_are_linked(&workspace, &designs);
     page_is_complete(&workspace, designs.keys());
     opens_in_a_browser(&workspace, designs.len());
+    legends_keep_their_colours_on_paper(&workspace);
 
     // The same again, byte for byte, and nothing of the last one left over.
     let before = contents(&workspace.path("out"));
@@ -293,6 +294,53 @@ fn opens_in_a_browser(workspace: &Workspace, designs: usize) {
             "{name}: {colours} colours, {covered} covered"
         );
     }
+}
+
+/// Keys of legends are backgrounds, which browsers leave out of what they print unless the page asks for them.
+fn legends_keep_their_colours_on_paper(workspace: &Workspace) {
+    let Some(browser) = Browser::find() else {
+        return;
+    };
+    let page = std::fs::read_to_string(workspace.path("out/index.html")).unwrap();
+    let head = page.split("<body>").next().unwrap();
+    // Without the drawings, which have the same colours.
+    let legends = page.split("<ul class=\"legend\">").skip(1);
+    let legends: Vec<&str> = legends.map(|rest| rest.split("</ul>").next().unwrap()).collect();
+    let colours =
+        [("blue", 0x00_72b2), ("orange", 0xe6_9f00), ("green", 0x00_9e73)].map(|(class, rgb): (&str, u32)| {
+            let [_, red, green, blue] = rgb.to_be_bytes();
+            (class, [red, green, blue])
+        });
+    let used: Vec<[u8; 3]> = colours
+        .into_iter()
+        .filter(|(class, _)| {
+            legends
+                .iter()
+                .any(|legend| legend.contains(&format!("<li class=\"{class}\">")))
+        })
+        .map(|(_, colour)| colour)
+        .collect();
+    assert!(used.len() >= 2, "{legends:?}");
+    let printed = |head: &str| {
+        let lists: String = legends
+            .iter()
+            .map(|legend| format!("<ul class=\"legend\">{legend}</ul>"))
+            .collect();
+        let file = workspace.path("legends.html");
+        std::fs::write(&file, format!("{head}<body>{lists}</body></html>")).unwrap();
+        browser.printed_colours(&file)
+    };
+    let on_paper = printed(head);
+    assert!(
+        used.iter().all(|colour| on_paper.contains(colour)),
+        "{used:?} in {on_paper:?}"
+    );
+    // Otherwise they are not there.
+    let plain = printed(&head.replace("color-adjust: exact", "color-adjust: economy"));
+    assert!(
+        used.iter().all(|colour| !plain.contains(colour)),
+        "{used:?} in {plain:?}"
+    );
 }
 
 #[test]

@@ -16,6 +16,7 @@ use std::time::Duration;
 use rustix::process::Signal;
 use serde_json::{Value, json};
 
+use super::browser::MEASURE;
 use super::common::{Workspace, csv, files, scene_file};
 use server::Server;
 use tab::Tab;
@@ -713,6 +714,10 @@ fn photographed(tab: &mut Tab, name: &str) {
         std::thread::sleep(Duration::from_millis(400));
         assert!(tab.overflow() <= 0.0, "{name} at {width} px is wider than the screen");
         assert_eq!(tab.small_targets(), json!([]), "{name} at {width} px");
+        let faults = tab.value(&format!("(() => {{ {MEASURE} return measured('{name}').faults }})()"));
+        let unreadable = faults.as_array().unwrap().iter().filter_map(Value::as_str);
+        let unreadable: Vec<&str> = unreadable.filter(|fault| fault.contains(": contrast ")).collect();
+        assert!(unreadable.is_empty(), "{width} px, {look}: {unreadable:?}");
         if let Some(album) = album() {
             tab.photograph(&album.join(format!("{name}-{width}-{look}.png")));
         }

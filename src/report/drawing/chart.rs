@@ -6,7 +6,7 @@
 use maud::{Markup, html};
 
 use super::axis::Axis;
-use super::labels::{LabelOffset, LabelPlacer};
+use super::labels::{LabelOffset, LabelPlacer, distance};
 use super::path::{number, path};
 
 /// Default size of a chart, so small that its text is readable on a telephone. Units are pixels of the page, where text
@@ -381,7 +381,10 @@ impl Chart {
                 circle class="ring" cx=(x) cy=(y) r="6" {}
                 // The offset is of the upper left corner, text is placed by its base line.
                 text class="ink" x=(x + offset.x) y=(y + offset.y + LINE - 3) { (text) }
-                @if let Some((from, to)) = leader(*offset, *size) {
+                @let others = line.iter().filter(|other| **other != (*x, *y));
+                @let label = [x + offset.x, y + offset.y, size.0, size.1];
+                @let nearest = others.map(|other| distance(*other, label)).fold(f64::INFINITY, f64::min);
+                @if let Some((from, to)) = leader(*offset, *size, nearest) {
                     @let ends = [from.0, from.1, f64::from(*x) + to.0, f64::from(*y) + to.1].map(|v| number(v, 1));
                     path class="leader" d={ "M" (x) " " (y) "m" (ends[0]) " " (ends[1]) "L" (ends[2]) " " (ends[3]) } {}
                 }
@@ -390,8 +393,9 @@ impl Chart {
     }
 }
 
-/// Returns both ends of a line from a point to its label, relative to the point, if the label is far from it.
-fn leader(offset: LabelOffset, (width, height): (i32, i32)) -> Option<((f64, f64), (f64, f64))> {
+/// Returns both ends of a line from a point to its label, relative to the point, if the label is far from it, or almost
+/// as near to another point, at a distance of `nearest`.
+fn leader(offset: LabelOffset, (width, height): (i32, i32), nearest: f64) -> Option<((f64, f64), (f64, f64))> {
     let (x, y) = (
         0.clamp(offset.x, offset.x + width),
         0.clamp(offset.y, offset.y + height),
@@ -399,7 +403,8 @@ fn leader(offset: LabelOffset, (width, height): (i32, i32)) -> Option<((f64, f64
     let (x, y) = (f64::from(x), f64::from(y));
     let distance = x.hypot(y);
     let edge = RING / distance;
-    (distance > 1.5 * f64::from(GAP)).then_some(((edge * x, edge * y), (x, y)))
+    let is_unclear = distance > RING && nearest < 2.0 * distance;
+    (is_unclear || distance > 1.5 * f64::from(GAP)).then_some(((edge * x, edge * y), (x, y)))
 }
 
 #[cfg(test)]
@@ -426,9 +431,12 @@ mod tests {
 
     #[test]
     fn a_label_far_from_its_point_has_a_line_to_it() {
-        assert_eq!(leader(LabelOffset { x: 10, y: -6 }, (60, LINE)), None);
+        assert_eq!(leader(LabelOffset { x: 10, y: -6 }, (60, LINE), f64::INFINITY), None);
+        // So has a label with another point close by.
+        let beside = leader(LabelOffset { x: 10, y: -6 }, (60, LINE), 15.0);
+        assert_eq!(beside, Some(((7.0, 0.0), (10.0, 0.0))));
         assert_eq!(
-            leader(LabelOffset { x: -30, y: -20 - LINE }, (60, LINE)),
+            leader(LabelOffset { x: -30, y: -20 - LINE }, (60, LINE), f64::INFINITY),
             Some(((0.0, -7.0), (0.0, -20.0)))
         );
     }

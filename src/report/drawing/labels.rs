@@ -60,7 +60,8 @@ impl LabelPlacer {
             for (at, (point, size)) in requests.iter().enumerate() {
                 placed[at] = None;
                 let others: Vec<Rect> = placed.iter().flatten().map(|other| other.own).collect();
-                placed[at] = self.best(*point, *size, gap, &others);
+                let points = requests.iter().map(|(point, _)| *point).filter(|other| other != point);
+                placed[at] = self.best(*point, *size, gap, (&others, &points.collect::<Vec<_>>()));
             }
             if placed == before {
                 break;
@@ -69,7 +70,13 @@ impl LabelPlacer {
         placed.into_iter().flatten().map(|placed| placed.offset).collect()
     }
 
-    fn best(&self, (x, y): (i32, i32), (width, height): (i32, i32), gap: i32, others: &[Rect]) -> Option<PlacedLabel> {
+    fn best(
+        &self,
+        (x, y): Pixel,
+        (width, height): Pixel,
+        gap: i32,
+        (others, points): (&[Rect], &[Pixel]),
+    ) -> Option<PlacedLabel> {
         let offsets = [1, 2, 3, 4].into_iter().flat_map(|far| {
             let (gap, low, middle) = (far * gap, -height - far * gap, -height / 2);
             [
@@ -96,7 +103,13 @@ impl LabelPlacer {
                 ],
             }
         });
-        let cost = |(rank, placed): &(usize, PlacedLabel)| 4 * *rank as i64 + self.cost(placed.own, others);
+        let cost = |(rank, placed): &(usize, PlacedLabel)| {
+            let label = [x + placed.offset.x, y + placed.offset.y, width, height];
+            let own = distance((x, y), label);
+            // A label that is nearer to another point would be taken for that of the other one.
+            let nearer = points.iter().filter(|other| distance(**other, label) <= own).count() as i64;
+            4 * *rank as i64 + 250 * nearer + self.cost(placed.own, others)
+        };
         placed.enumerate().min_by_key(cost).map(|(_, placed)| placed)
     }
 
@@ -106,6 +119,13 @@ impl LabelPlacer {
         let outside = own[0] < left || own[1] < top || own[2] > right || own[3] > bottom;
         1000 * (count(&self.taken) + count(others)) + 25 * count(&self.lines) + if outside { 5000 } else { 0 }
     }
+}
+
+/// Returns the distance of a point from a rectangle, given by its left, top, width and height.
+pub fn distance((x, y): Pixel, [left, top, width, height]: [i32; 4]) -> f64 {
+    let across = x - x.clamp(left, left + width);
+    let down = y - y.clamp(top, top + height);
+    f64::from(across).hypot(f64::from(down))
 }
 
 /// A label with its place.
@@ -143,6 +163,24 @@ mod tests {
             assert!(own[0] >= 0 && own[1] >= 0 && own[2] <= 200 && own[3] <= 200, "{own:?}");
             let others = labels.taken.iter().chain(&boxes[at + 1..]);
             assert_eq!(others.filter(|other| overlap(*own, **other)).count(), 0, "{own:?}");
+        }
+    }
+
+    #[test]
+    fn a_label_stands_beside_its_own_point() {
+        let points = [(40, 60), (62, 66), (84, 72), (106, 78)];
+        let mut labels = LabelPlacer::new([0..300, 0..150]);
+        points.iter().for_each(|point| labels.avoid_point(*point, 4));
+        let size = (50, 13);
+        let spots = labels.place(&points.map(|point| (point, size)), 10);
+        for (point, spot) in points.iter().zip(&spots) {
+            let label = [point.0 + spot.x, point.1 + spot.y, size.0, size.1];
+            let own = distance(*point, label);
+            let others = points.iter().filter(|other| *other != point);
+            assert!(
+                others.into_iter().all(|other| distance(*other, label) > own),
+                "{point:?}: {spots:?}"
+            );
         }
     }
 

@@ -104,7 +104,7 @@ impl EvaluationFigure {
 
     fn cell(&self, [x, y, width]: [f64; 3], error: Option<f64>) -> Markup {
         let shade = error.map_or(0.0, |error| self.shade(error));
-        let ink = if shade > 0.5 { "#ffffff" } else { "#1b1f24" };
+        let ink = ink_on(rgb(shade));
         html! {
             rect x=(x + 0.5) y=(y + 0.5) width=(width - 1.0) height=(ROW - 1.0) fill=(colour(shade)) {}
             text x=(x + 0.5 * width) y=(y + 0.65 * ROW) text-anchor="middle" style={ "fill:" (ink) } {
@@ -134,15 +134,52 @@ impl EvaluationFigure {
 }
 
 /// Returns a colour from pale blue for 0 to dark blue for 1.
-fn colour(shade: f64) -> String {
+fn rgb(shade: f64) -> [u8; 3] {
     let mix = |pale: f64, dark: f64| (pale + shade.clamp(0.0, 1.0) * (dark - pale)).round() as u8;
-    let [r, g, b] = [mix(236.0, 0.0), mix(244.0, 82.0), mix(250.0, 138.0)];
+    [mix(236.0, 0.0), mix(244.0, 82.0), mix(250.0, 138.0)]
+}
+
+/// Returns the same colour as text.
+fn colour(shade: f64) -> String {
+    let [r, g, b] = rgb(shade);
     format!("#{r:02x}{g:02x}{b:02x}")
+}
+
+/// Returns black or white, whichever has more contrast on a colour. One of them always has 4.5 : 1.
+fn ink_on(ground: [u8; 3]) -> &'static str {
+    match contrast(ground, [0; 3]) >= contrast(ground, [255; 3]) {
+        true => "#000000",
+        false => "#ffffff",
+    }
+}
+
+/// Returns the contrast of two colours as the Web Content Accessibility Guidelines 2.2 define it.
+fn contrast(a: [u8; 3], b: [u8; 3]) -> f64 {
+    let luminance = |colour: [u8; 3]| {
+        let linear = |value: u8| match f64::from(value) / 255.0 {
+            v if v <= 0.04045 => v / 12.92,
+            v => ((v + 0.055) / 1.055).powf(2.4),
+        };
+        0.2126 * linear(colour[0]) + 0.7152 * linear(colour[1]) + 0.0722 * linear(colour[2])
+    };
+    let (a, b) = (luminance(a), luminance(b));
+    (a.max(b) + 0.05) / (a.min(b) + 0.05)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_are_readable_on_every_shade() {
+        for step in 0..=100 {
+            let ground = rgb(f64::from(step) / 100.0);
+            let ink = if ink_on(ground) == "#ffffff" { [255; 3] } else { [0; 3] };
+            assert!(contrast(ground, ink) >= 4.5, "{ground:?}");
+        }
+        // The largest contrast is 21 : 1.
+        assert!((contrast([0; 3], [255; 3]) - 21.0).abs() < 1e-12);
+    }
 
     #[test]
     fn small_errors_are_pale() {

@@ -71,7 +71,6 @@ fn cases() -> Vec<VerifiedPattern> {
             error: Some(0.003_21),
             unit: "mm",
             least_width: None,
-            gain: (factor > 0.9).then_some(factor / 0.9 - 1.0),
         })
         .into()
 }
@@ -220,6 +219,33 @@ fn verified_displacements_are_rounded_by_their_errors() {
     let unknown = cases().into_iter().map(|case| VerifiedPattern { error: None, ..case });
     let unknown = title(agreement_sheet(&unknown.collect::<Vec<_>>()));
     assert!(unknown.contains("2.100 mm") && !unknown.contains("±"), "{unknown}");
+}
+
+#[test]
+fn a_verification_has_a_bar_with_the_number_of_the_headline_for_each_pattern() {
+    let mut all = cases();
+    all[1].predicted = None;
+    let drawn = agreement_sheet(&all).unwrap().markup.into_string();
+    let bars: Vec<&str> = drawn.split("class=\"bars ").skip(1).collect();
+    assert_eq!(bars.len(), 2, "simulated values, and differences of predictions");
+    // The number stands with its unit above the membrane, and at the end of its bar.
+    for number in ["2.1000", "1.8900", "1.7850"] {
+        assert_eq!(drawn.matches(number).count(), 2, "{number}: {drawn}");
+        assert!(bars[0].contains(number), "{number}");
+    }
+    // Each bar begins with a move to its lower left corner.
+    let count = |bars: &str| {
+        bars.split("d=\"")
+            .nth(1)
+            .unwrap()
+            .split('"')
+            .next()
+            .unwrap()
+            .matches('M')
+            .count()
+    };
+    assert_eq!([count(bars[0]), count(bars[1])], [3, 3]);
+    assert!(bars[1].contains(">none</text>") && !bars[0].contains(">none</text>"));
 }
 
 #[test]

@@ -24,8 +24,6 @@ pub struct VerifiedPattern {
     pub error: Option<f64>,
     /// The unit of these values, which are forces of sides if it is mN.
     pub unit: &'static str,
-    /// Gain over the intuitive design at its own area, a fraction; `None` without a comparison.
-    pub gain: Option<f64>,
     /// The required minimum width of electrodes and gaps, if there is one.
     pub least_width: Option<String>,
 }
@@ -46,7 +44,7 @@ const BARS: f64 = 200.0;
 const COLUMNS: usize = 8;
 const TILE: [f64; 2] = [144.0, 198.0];
 
-/// Draws each pattern deformed, its gain, and the error of its prediction.
+/// Draws each pattern deformed, its simulated value, and the error of its prediction.
 ///
 /// # Errors
 /// If there are no patterns, or a displacement is not finite.
@@ -70,31 +68,22 @@ pub fn agreement_sheet(cases: &[VerifiedPattern]) -> Result<Sheet, FigureError> 
     let electrodes: Vec<Chart> = cases.iter().map(drawn).collect();
     let membranes = Sheet::charts(cases.len(), &electrodes);
     let size = [(membranes.size[0] - 12.0).max(708.0), BARS];
-    let charts = [gains(cases), residuals(cases)].into_iter().flatten();
+    let charts = [displacements(cases), residuals(cases)].into_iter().flatten();
     let charts = charts.map(|chart| Sheet::charts(1, &[chart.with_size(size)]));
     Ok(Sheet::below(std::iter::once(membranes).chain(charts).collect()))
 }
 
-/// Draws the gains over the intuitive design, or the displacements if nothing is compared with it.
-fn gains(cases: &[VerifiedPattern]) -> Option<Chart> {
+/// Draws the simulated values, which are those of the headline.
+fn displacements(cases: &[VerifiedPattern]) -> Option<Chart> {
     let unit = cases.first()?.unit;
     let what = quantity(unit);
-    match cases.iter().any(|case| case.gain.is_some()) {
-        true => bars(
-            "Gain over the intuitive design at its own area",
-            &format!("More {what} [%]"),
-            Colour::Blue,
-            cases,
-            |case| Some(100.0 * case.gain?),
-        ),
-        false => bars(
-            &format!("Simulated {what}"),
-            &capitalised(&format!("{what} [{unit}]")),
-            Colour::Blue,
-            cases,
-            |case| Some(case.simulated),
-        ),
-    }
+    bars(
+        &format!("Simulated {what}"),
+        &capitalised(&format!("{what} [{unit}]")),
+        Colour::Blue,
+        cases,
+        |case| Some((case.simulated, case.rounded())),
+    )
 }
 
 /// Draws the differences between prediction and simulation.
@@ -106,28 +95,29 @@ fn residuals(cases: &[VerifiedPattern]) -> Option<Chart> {
         cases,
         |case| {
             let simulated = Some(case.simulated).filter(|mm| mm.abs() > LEAST_MM)?;
-            Some(100.0 * (case.predicted? - simulated) / simulated.abs())
+            let difference = 100.0 * (case.predicted? - simulated) / simulated.abs();
+            Some((difference, three(difference)))
         },
     )
 }
 
-/// Draws a bar for each pattern that has a value, with the value at its end; `None` if no pattern has one.
+/// Draws a bar for each pattern, with its value at its end, and a word in place of a bar without a value; `None` if no
+/// pattern has one. `value` is the height of a bar and its text.
 fn bars(
     title: &str,
     label: &str,
     colour: Colour,
     cases: &[VerifiedPattern],
-    value: fn(&VerifiedPattern) -> Option<f64>,
+    value: fn(&VerifiedPattern) -> Option<(f64, String)>,
 ) -> Option<Chart> {
-    let known: Vec<(f64, f64)> = (0..)
-        .map(f64::from)
-        .zip(cases)
-        .filter_map(|(k, case)| Some((k, value(case)?)))
-        .collect();
-    let corners = known.iter().flat_map(|(k, value)| [(k - 0.2, 0.0), (k + 0.2, *value)]);
-    let texts = known.iter().map(|(_, value)| three(*value)).collect();
+    let found: Vec<Option<(f64, String)>> = cases.iter().map(value).collect();
+    let known: Vec<f64> = found.iter().flatten().map(|(height, _)| *height).collect();
+    let drawn = found.into_iter().map(|one| one.unwrap_or((0.0, NONE.to_owned())));
+    let (heights, texts): (Vec<f64>, Vec<String>) = drawn.unzip();
+    let places = (0..).map(f64::from).zip(&heights);
+    let corners = places.flat_map(|(k, height)| [(k - 0.2, 0.0), (k + 0.2, *height)]);
     let series = Series::new("", colour, Mark::Bars, corners.collect()).with_texts(texts);
-    let (low, high) = extent(known.iter().map(|(_, value)| value), (0.0, 0.0));
+    let (low, high) = extent(&known, (0.0, 0.0));
     // The numbers are beyond the ends of the bars.
     let space = |end: f64| 0.25 * (high - low) * end.signum() * f64::from(u8::from(end != 0.0));
     let axes = [
@@ -136,6 +126,9 @@ fn bars(
     ];
     (!known.is_empty()).then(|| Chart::new(title, axes, vec![series]))
 }
+
+/// What stands in place of a bar without a value.
+const NONE: &str = "none";
 
 /// Draws each design deformed with its displacement, row by row, with the same exaggeration.
 ///

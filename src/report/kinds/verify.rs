@@ -143,7 +143,6 @@ fn verification(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportErro
             simulated: summary.simulated_mm.unwrap_or(0.0),
             error: summary.simulated_error_mm,
             unit,
-            gain: summary.gain_own_area,
             least_width: least_width(&constraints[row]),
         }
     };

@@ -1,5 +1,5 @@
-// Tells the frame around the page what a reader would stumble over. `view` names the look of the page.
-addEventListener('load', () => {
+// Finds what a reader of the page would stumble over. `view` names the look of the page.
+const measured = (view) => {
   const faults = [];
   let texts = 0;
   const fault = (what, text) => faults.push(`${view}: ${what}: ${JSON.stringify(text.trim().slice(0, 60))}`);
@@ -62,6 +62,7 @@ addEventListener('load', () => {
   // Text of drawings stays within them, and none covers another.
   for (const drawing of document.querySelectorAll('svg')) {
     const frame = drawing.getBoundingClientRect();
+    if (!frame.width) continue;
     const drawn = [...drawing.querySelectorAll('text')].filter((text) => text.textContent.trim());
     const boxes = drawn.map((text) => {
       const { left, right, top, bottom } = text.getBoundingClientRect();
@@ -93,5 +94,5 @@ addEventListener('load', () => {
       }
     });
   }
-  parent.postMessage(JSON.stringify({ view, texts, faults }), '*');
-});
+  return { view, texts, faults };
+};
