@@ -10,6 +10,7 @@ use super::measure::{self, tables_of};
 use super::measured::{
     Compared, Device, FreeKey, LAWS, MOST_BRANCHES, MeasuredSet, MeasuredTable, Measurement, MeshChoice, SpecimenFit,
     VOLTAGE_OFFSET, compare_all, compared_files, compared_rows, dimension_of, fit_scene, law_named, name_of_law,
+    replaces_known_elastomer,
 };
 use super::{needed, scene};
 use deaflow_base::{Canonical, Declared, Dimension, Document, Fields, InputError, Node, Parameter, Schema, parameters};
@@ -241,7 +242,16 @@ struct FitStage {
 
 impl Stage for FitStage {
     fn parameters(&self) -> Canonical {
-        scene::with_scene(self.parameters.to_canonical(), &self.scene)
+        let free = self.parameters.free.as_ref().map(|Free(free)| &free[..]);
+        let own = match self.parameters.to_canonical() {
+            // Changes the key: earlier versions kept law and branches of the former elastomer among the properties.
+            Canonical::Map(mut own) if replaces_known_elastomer(&self.scene, free) => {
+                own.insert("known_elastomer".to_owned(), 2_u64.into());
+                Canonical::Map(own)
+            }
+            own => own,
+        };
+        scene::with_scene(own, &self.scene)
     }
 
     fn unit(&self) -> &'static str {

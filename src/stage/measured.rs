@@ -27,7 +27,7 @@ pub use device::{Device, viscous_law};
 pub use dynamic::DynamicSet;
 pub use file::{MeasuredFile, Measurement, path_of};
 pub use free::{FreeKey, VOLTAGE_OFFSET};
-pub use joint::{SceneFit, fit_scene};
+pub use joint::{SceneFit, fit_scene, replaces_known_elastomer};
 pub use laws::{LAWS, MOST_BRANCHES, SpecimenFit, law_named, name_of_law};
 pub use mesh::MeshChoice;
 pub use ranges::{Deviations, Range};

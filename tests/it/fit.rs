@@ -82,6 +82,64 @@ fn laws_are_fitted_to_the_data_of_treloar_and_written_as_a_scene() {
 }
 
 #[test]
+fn a_fitted_law_replaces_the_law_that_the_scene_knows() {
+    let workspace = with_data();
+    workspace.write(
+        "known.yaml",
+        "geometry: { side: 50 mm, thickness: 1 mm, prestretch: 1.2, cells: 10 }
+material: { model: neo-hookean, shear_modulus: 300 kPa, relative_permittivity: 2.8 }
+drive: { voltage: 5 kV }
+effects: {}
+properties: { strain_stiffening: { model: arruda-boyce, locking_stretch: 3 }, density: 960 kg/m3 }
+",
+    );
+    let fit = |law: &str| {
+        let ended = workspace.run(&["fit", "known.yaml", TRELOAR[0], "--law", law, "-o", "fitted.yaml"]);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        std::fs::read_to_string(workspace.path("fitted.yaml")).unwrap()
+    };
+    let gent = fit("gent");
+    assert!(!gent.contains("arruda") && gent.contains("density"), "{gent}");
+    assert_eq!(gent.matches("model: gent").count(), 2, "effects and properties: {gent}");
+    let plain = fit("neo-hookean");
+    assert!(!plain.contains("stiffening") && plain.contains("density"), "{plain}");
+    // The same with free numbers of a law; without them the scene keeps what it knows.
+    let known = std::fs::read_to_string(workspace.path("known.yaml")).unwrap();
+    let on = known.replace("effects: {}", "effects: { strain_stiffening: { model: gent, jm: 90 } }");
+    workspace.write("on.yaml", &on);
+    for (free, laws) in [("jm", ["gent", "gent"]), ("shear_modulus", ["gent", "arruda-boyce"])] {
+        let ended = workspace.run(&["fit", "on.yaml", TRELOAR[0], "--free", free, "-o", "freed.yaml"]);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        let freed = std::fs::read_to_string(workspace.path("freed.yaml")).unwrap();
+        let models = freed
+            .split("strain_stiffening")
+            .filter_map(|part| part.split_once("model: "));
+        let models: Vec<&str> = models
+            .filter_map(|(_, rest)| rest.split([',', ' ', '}']).next())
+            .collect();
+        assert_eq!(models[1..], laws, "{free}: {freed}");
+    }
+    // The same in a pipeline, whose stage and artifact have the fitted scene.
+    workspace.write(
+        "chain.yaml",
+        "version: 1
+name: chain
+scene: known.yaml
+stages:
+  pulled: { kind: measure, files: [ { file: uniaxial.csv, test: uniaxial, sigma: 3 % } ] }
+  fitted: { kind: fit, needs: [pulled], laws: [gent] }
+",
+    );
+    let ended = workspace.run(&["run", "chain.yaml"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let ended = workspace.run(&["export", "scene", "chain.yaml:fitted", "-o", "exported.yaml"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let exported = std::fs::read_to_string(workspace.path("exported.yaml")).unwrap();
+    assert!(!exported.contains("arruda"), "{exported}");
+    assert_eq!(exported.matches("model: gent").count(), 2, "{exported}");
+}
+
+#[test]
 fn units_strains_and_true_stresses_are_converted() {
     let workspace = with_data();
     let rows: Vec<(f64, f64)> = (1..9)

@@ -1,16 +1,19 @@
 //! Fits parameters of a scene to several files of measurements at once.
 
+use std::path::Path;
+
 use super::described::{outlier, with_interval};
 use super::device::Device;
 use super::free::{FreeKey, VOLTAGE_OFFSET};
 use super::set::{Data, MeasuredSet};
-use deaflow_base::{InputError, four_significant, listed};
+use deaflow_base::{Document, InputError, four_significant, listed};
 use deaflow_field::Mesh;
 use deaflow_fit::{
     DataSet, Elastomer, FieldData, FreeParameter, JointFit, JointOptions, LawKind, Motion, NumberData, Parameter,
     Profiles, Simulated, Simulation, Verdict, Warning, fit_together,
 };
 use deaflow_scene::Scene;
+use deaflow_scene::effects::names;
 
 /// Shifts of parameters below this share of their standard errors do not matter.
 pub const SETTLED: f64 = 0.1;
@@ -89,6 +92,34 @@ pub fn fit_scene(device: &Device, sets: &[MeasuredSet], refines: bool) -> Result
     }
 }
 
+/// Returns whether a parameter of an effect is free.
+fn frees(keys: &[FreeKey], effect: &str) -> bool {
+    let parameters = format!("effects.{effect}.");
+    keys.iter().any(|key| key.path.starts_with(&parameters))
+}
+
+/// Returns whether fits of earlier versions left the law or the branches of the former elastomer among the properties
+/// of the fitted scene: `free` names the free parameters, or nothing if laws or branches are fitted.
+#[must_use]
+pub fn replaces_known_elastomer(scene: &Scene, free: Option<&[String]>) -> bool {
+    let (known, mut effects) = (&scene.properties, scene.effects.clone());
+    let has_known = known.strain_stiffening.is_some() || known.viscoelasticity.is_some();
+    let Some(free) = free.filter(|_| has_known) else {
+        return has_known && !scene.auto;
+    };
+    // What `effects: auto` may turn on is free, too.
+    effects.strain_stiffening = effects.strain_stiffening.or_else(|| known.strain_stiffening.clone());
+    effects.viscoelasticity = effects.viscoelasticity.or_else(|| known.viscoelasticity.clone());
+    let text = scene.with_effects(effects).to_text();
+    let Ok(document) = Document::from_text(Path::new("scene"), &text) else {
+        return false;
+    };
+    let found = free.iter().filter_map(|key| FreeKey::find(&document.root, key).ok());
+    let keys: Vec<FreeKey> = found.collect();
+    known.strain_stiffening.is_some() && frees(&keys, names::STIFFENING)
+        || known.viscoelasticity.is_some() && frees(&keys, names::VISCOELASTICITY)
+}
+
 fn values(fit: &JointFit) -> Vec<f64> {
     fit.estimate
         .parameters
@@ -119,8 +150,17 @@ impl SceneFit {
 
     fn new(device: &Device, fit: JointFit, has_devices: bool, shift: Option<f64>) -> Result<Self, InputError> {
         let rounded: Vec<f64> = fit.estimate.parameters.iter().map(rounded).collect();
+        let mut scene = device.scene(&rounded)?;
+        // What the scene knows of its former elastomer does not hold for the fitted one.
+        let (effects, known) = (&scene.effects, &mut scene.properties);
+        if known.strain_stiffening.is_some() && frees(device.keys(), names::STIFFENING) {
+            known.strain_stiffening.clone_from(&effects.strain_stiffening);
+        }
+        if known.viscoelasticity.is_some() && frees(device.keys(), names::VISCOELASTICITY) {
+            known.viscoelasticity.clone_from(&effects.viscoelasticity);
+        }
         Ok(Self {
-            scene: device.scene(&rounded)?,
+            scene,
             fit,
             mesh: has_devices.then_some(device.options().mesh),
             shift,

@@ -30,6 +30,9 @@ pub const LAWS: [LawKind; 8] = [
 /// The most branches that are compared.
 pub const MOST_BRANCHES: u64 = 6;
 
+/// The value of an override that removes a key.
+const NONE: &str = "null";
+
 /// The largest number of outliers that are listed.
 const OUTLIERS: usize = 5;
 
@@ -161,10 +164,8 @@ impl SpecimenFit {
             true => scene.properties.strain_stiffening.is_some(),
             false => scene.effects.strain_stiffening.is_some(),
         };
-        let stiffening = match stiffening(&law) {
-            None if !has_law => None,
-            value => Some(value.unwrap_or_else(|| "null".to_owned())),
-        };
+        let law_text = stiffening(&law).unwrap_or_else(|| NONE.to_owned());
+        let stiffening = (has_law || law_text != NONE).then_some(&law_text);
         // That of the other laws is their first parameter, for Arruda and Boyce not the modulus at rest.
         let modulus = match law {
             Law::Ogden(_) => law.modulus_at_rest()?,
@@ -181,10 +182,20 @@ impl SpecimenFit {
         };
         let viscous = viscous.filter(|_| !branches.is_empty());
         let viscous = viscous.map(|law| format!("{{ law: {law}, branches: [{}] }}", branches.join(", ")));
+        // Law and branches that the scene knows of its former elastomer do not hold for the fitted one.
+        let former = (!scene.auto).then_some(&scene.properties);
+        let former_law = former.is_some_and(|known| known.strain_stiffening.is_some());
+        let former_branches = former.is_some_and(|known| known.viscoelasticity.is_some());
         let all = [
             Some(format!("material.shear_modulus={modulus} Pa")),
             stiffening.map(|value| format!("{section}.strain_stiffening={value}")),
-            viscous.map(|value| format!("{section}.viscoelasticity={value}")),
+            former_law.then(|| format!("properties.strain_stiffening={law_text}")),
+            viscous
+                .as_ref()
+                .map(|value| format!("{section}.viscoelasticity={value}")),
+            viscous
+                .filter(|_| former_branches)
+                .map(|value| format!("properties.viscoelasticity={value}")),
         ];
         Some(all.into_iter().flatten().collect())
     }
