@@ -97,8 +97,10 @@ pub enum Verdict {
     Significant,
     /// The number is below the threshold, or the effect does not apply.
     NotSignificant,
-    /// Data or a stable state is missing.
+    /// A stable state is missing.
     Unknown,
+    /// Data of the material is missing.
+    NoData,
     /// The work limit was reached before it was known.
     WorkLimit,
 }
@@ -110,7 +112,7 @@ impl Verdict {
         match self {
             Self::Significant => "yes",
             Self::NotSignificant => "no",
-            Self::Unknown | Self::WorkLimit => "unknown",
+            Self::Unknown | Self::NoData | Self::WorkLimit => "unknown",
         }
     }
 }
@@ -147,7 +149,7 @@ impl Significance {
     /// An effect on the displacement without material data; `condition` says when it would be significant.
     pub(super) fn lacks_data(condition: &str) -> Self {
         let change = format!("no data; significant for about {condition}");
-        Self::open(DISPLACED, Verdict::Unknown, SMALL, change)
+        Self::open(DISPLACED, Verdict::NoData, SMALL, change)
     }
 
     /// An effect that does not apply to the scene.

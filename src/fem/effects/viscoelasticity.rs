@@ -78,7 +78,7 @@ impl Effect for Viscoelasticity {
             return open(Verdict::NotSignificant, "the drive is static");
         }
         let Some(known) = branches(scene) else {
-            return open(Verdict::Unknown, "no data");
+            return open(Verdict::NoData, "no data");
         };
         let stiffness = scene.shear_modulus_pa() * scene.mean_prestretch().powi(2);
         let weight = |modulus: f64| 4.0 * modulus / stiffness;

@@ -21,9 +21,10 @@ const MAX_CACHED: usize = 16;
 pub struct ScreenedScene {
     /// The scene with its effects decided.
     pub scene: Scene,
-    /// One line for each significant effect that an equilibrium neglects.
+    /// One line for each significant effect that an equilibrium neglects, and one with the effects that were not
+    /// checked, because the scene has no data about them.
     pub warnings: Vec<String>,
-    /// One line for each significant effect that a history neglects.
+    /// The same for a history.
     pub warnings_in_time: Vec<String>,
     /// A line if a pattern comes close to breakdown and this effect is on. Results with the electric field of each
     /// pattern relative to the breakdown field say this already.
@@ -66,10 +67,13 @@ impl ScreenedScene {
         let (observed, rows) = screening.rows.into_iter().partition(is_observed);
         screening.rows = rows;
         let observed: Vec<Row> = observed;
+        // Without patterns no effect is checked.
+        let not_checked = screening.not_checked().filter(|_| !patterns.is_empty());
+        let with_unchecked = |warnings: Vec<String>| warnings.into_iter().chain(not_checked.clone()).collect();
         Ok(Self {
             breakdown_warning: observed.iter().find_map(Row::warning),
-            warnings: screening.warnings_of_equilibrium(),
-            warnings_in_time: screening.warnings(),
+            warnings: with_unchecked(screening.warnings_of_equilibrium()),
+            warnings_in_time: with_unchecked(screening.warnings()),
             scene: screening.scene,
         })
     }

@@ -102,6 +102,13 @@ impl Row {
         }
     }
 
+    /// Returns the name of the effect in a sentence if it is off and cannot be judged, because the scene has no data
+    /// about it.
+    pub(super) fn without_data(&self) -> Option<String> {
+        let is_unchecked = self.status == Status::Off && self.assessment.verdict == Verdict::NoData;
+        is_unchecked.then(|| spoken(self.effect))
+    }
+
     /// `cause` is a sentence, or `None` if the effect is off.
     fn warn(&self, cause: Option<String>) -> Option<Warning> {
         let Significance {
@@ -113,7 +120,7 @@ impl Row {
             ..
         } = &self.assessment;
         let reason = match (verdict, number) {
-            (Verdict::NotSignificant | Verdict::Unknown, _) => return None,
+            (Verdict::NotSignificant | Verdict::Unknown | Verdict::NoData, _) => return None,
             (Verdict::Significant, Some(number)) if quantity != DISPLACED => {
                 format!(" ({quantity} = {number:.3}, threshold {threshold})")
             }

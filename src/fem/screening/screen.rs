@@ -32,6 +32,13 @@ impl Screening {
         Warning::merged(self.rows.iter().filter_map(Row::to_warning))
     }
 
+    /// Returns a line with the effects that could not be judged, because the scene has no data about them.
+    #[must_use]
+    pub fn not_checked(&self) -> Option<String> {
+        let effects: Vec<String> = self.rows.iter().filter_map(Row::without_data).collect();
+        (!effects.is_empty()).then(|| format!("not checked, no data: {}", effects.join(", ")))
+    }
+
     /// Returns the warnings of an equilibrium, which ignores the drive in time.
     #[must_use]
     pub fn warnings_of_equilibrium(&self) -> Vec<String> {

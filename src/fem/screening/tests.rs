@@ -101,7 +101,7 @@ fn missing_data_are_unknown_and_inapplicable_effects_are_not_significant() {
             .verdict
     };
     for name in [names::STIFFENING, names::ELECTRODE, names::PERMITTIVITY] {
-        assert_eq!(verdict(name), Verdict::Unknown);
+        assert_eq!(verdict(name), Verdict::NoData);
     }
     for name in [
         names::VISCOELASTICITY,
@@ -350,6 +350,25 @@ fn warnings_are_about_the_given_patterns_alone() {
 }
 
 #[test]
+fn effects_without_data_are_named_in_one_line() {
+    let expected = "not checked, no data: strain stiffening, electrode stiffness, stretch dependent permittivity";
+    assert_eq!(
+        warned(&Scene::vhb4910(), half()).last().map(String::as_str),
+        Some(expected)
+    );
+    let known = Scene::from_text(&format!(
+        "{}properties: {{ strain_stiffening: {{ model: gent, jm: 120 }} }}\n",
+        Scene::vhb4910().to_yaml()
+    ));
+    let expected = "not checked, no data: electrode stiffness, stretch dependent permittivity";
+    let found = warned(&known.unwrap(), half());
+    assert_eq!(found.last().map(String::as_str), Some(expected));
+    // Where nothing is checked, nothing is said about what is not.
+    let without = ScreenedScene::for_patterns(&Scene::vhb4910(), &[], WorkLimit::default()).unwrap();
+    assert_eq!(without.warnings, Vec::<String>::new());
+}
+
+#[test]
 fn known_solutions_are_judged_instead_of_others_on_a_coarse_mesh() {
     let scene = Scene::vhb4910();
     let tests = TestPattern::some_of(&[half()], "pattern");
@@ -485,7 +504,7 @@ fn shown(row: &Row) -> String {
         (Some(number), Verdict::NotSignificant) => digits(number),
         (None, Verdict::Significant) => "**–**".to_owned(),
         (None, Verdict::NotSignificant) => "–".to_owned(),
-        (_, Verdict::Unknown | Verdict::WorkLimit) => "?".to_owned(),
+        (_, Verdict::Unknown | Verdict::NoData | Verdict::WorkLimit) => "?".to_owned(),
     }
 }
 
