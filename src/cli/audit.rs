@@ -14,6 +14,7 @@ use super::{CliError, Exit, Output, pipeline, write};
 use deaflow_base::{ArtifactId, Override, Quantity};
 use deaflow_content::{AttributeError, Audit};
 use deaflow_orchestrator::{Environment, Pipeline, RunOptions, Staleness, plan, run as run_pipeline};
+use deaflow_report::set_options;
 use deaflow_stage::audit::{self, Audited, Finding, Request, Severity};
 use deaflow_store::{Artifact, Command, Store, StoreError};
 use report::AuditReport;
@@ -230,8 +231,12 @@ fn current(pipeline: &Pipeline, store: &Store, name: &str) -> Result<Result<Arti
             let built = own.find(|run| !run.as_ref().is_ok_and(|run| run.stage(name).is_none()));
             if built.transpose()?.is_none() {
                 let path = pipeline.path.display();
-                return Err(CliError::bad_input(format!("stage `{name}` of {path} is not built"))
-                    .help(format!("build it with: deaflow run {path} --until {name}")));
+                return Err(
+                    CliError::bad_input(format!("stage `{name}` of {path} is not built")).help(format!(
+                        "build it with: deaflow run {path} --until {name}{}",
+                        set_options(&pipeline.overrides)
+                    )),
+                );
             }
             let why = why.as_ref().map_or_else(String::new, |why| format!(" ({why})"));
             let message = format!("the dataset in the store is stale{why}: run the pipeline first");

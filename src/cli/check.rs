@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::arguments::DrawingArguments;
-use super::pipeline::read_scene;
+use super::pipeline::read_scene_with;
 use super::text::Text;
 use super::tone::{Tone, width_of_stdout};
 use super::{CliError, Exit, Output, table};
@@ -31,6 +31,9 @@ pub struct CheckArguments {
     /// The scene, which gives the cells, sides and electrode groups; without it the file gives the cells
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
+    /// Override a value of the scene, such as geometry.cells=20
+    #[arg(long = "set", value_name = "PATH=VALUE", requires = "scene")]
+    pub sets: Vec<String>,
     #[command(flatten)]
     pub drawings: DrawingArguments,
 }
@@ -48,7 +51,7 @@ pub fn execute(arguments: &CheckArguments, output: &Output) -> Result<Exit, CliE
     let scene = arguments
         .scene
         .as_deref()
-        .map(|path| read_scene(path, output))
+        .map(|path| read_scene_with(path, &arguments.sets, output))
         .transpose()?;
     let drawings = arguments.drawings.options();
     let files = arguments.files.iter().map(|name| read(name, scene.as_ref(), &drawings));

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::{CliError, pipeline};
 use deaflow_base::{ArtifactId, nearest, readable_time};
 use deaflow_orchestrator::{Environment, StageReport, Staleness, plan};
+use deaflow_report::set_options;
 use deaflow_store::{Artifact, Command, Lookup, RemovedArtifact, Run, Store, StoreError};
 
 /// The smallest number of digits that identify a digest.
@@ -39,9 +40,17 @@ pub fn of_folder<T>(opened: Result<T, StoreError>) -> Result<T, CliError> {
 /// # Errors
 /// When there is none, or several, or it is damaged.
 pub fn artifact(store: &Store, reference: &str) -> Result<Artifact, CliError> {
+    artifact_with(store, reference, &[])
+}
+
+/// Like [`artifact`], with the overrides of the pipeline of `PIPELINE.yaml:STAGE`.
+///
+/// # Errors
+/// As [`artifact`], and when an override is invalid.
+pub fn artifact_with(store: &Store, reference: &str, sets: &[String]) -> Result<Artifact, CliError> {
     check_stage_is_named(reference, None)?;
     let digest = match split(reference) {
-        Some((pipeline, stage)) => of_pipeline(store, Path::new(pipeline), stage)?,
+        Some((pipeline, stage)) => of_pipeline(store, Path::new(pipeline), stage, sets)?,
         None => match of_last_run(store, reference)? {
             Some(digest) => digest,
             None => of_digits(store, reference)?,
@@ -101,8 +110,9 @@ pub fn split(reference: &str) -> Option<(&str, &str)> {
     (extension == "yaml" || extension == "yml").then_some((pipeline, stage))
 }
 
-fn of_pipeline(store: &Store, path: &Path, name: &str) -> Result<ArtifactId, CliError> {
-    let pipeline = pipeline::load_plain(path)?;
+fn of_pipeline(store: &Store, path: &Path, name: &str, sets: &[String]) -> Result<ArtifactId, CliError> {
+    let overrides: Vec<Override> = sets.iter().map(|set| Override::parse(set)).collect::<Result<_, _>>()?;
+    let pipeline = pipeline::load_file(path, &overrides, true)?;
     let name = match pipeline.sweep(name) {
         None => name,
         Some(sweep) => only(path, &sweep.name, &sweep.stages)?,
@@ -124,8 +134,11 @@ fn of_pipeline(store: &Store, path: &Path, name: &str) -> Result<ArtifactId, Cli
             Some(why @ Staleness::Removed { .. }) => format!(": {why}"),
             _ => String::new(),
         };
-        CliError::bad_input(format!("stage `{name}` of {} is not built{why}", path.display()))
-            .help(format!("build it with: deaflow run {} --until {name}", path.display()))
+        CliError::bad_input(format!("stage `{name}` of {} is not built{why}", path.display())).help(format!(
+            "build it with: deaflow run {} --until {name}{}",
+            path.display(),
+            set_options(&pipeline.overrides)
+        ))
     })
 }
 

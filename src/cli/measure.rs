@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::measured_files::MeasuredArguments;
-use super::pipeline::read_scene;
+use super::pipeline::read_scene_with;
 use super::text::Text;
 use super::{CliError, Exit, Output, table, write};
 use deaflow_base::{Node, four_significant};
@@ -32,6 +32,9 @@ pub struct MeasureArguments {
     /// [default: patterns have the cells of their files, and nothing is simulated]
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
+    /// Override a value of the scene, such as geometry.cells=20
+    #[arg(long = "set", value_name = "PATH=VALUE", requires = "scene")]
+    sets: Vec<String>,
     /// The file for a figure of what was read [default: none]
     #[arg(short, long, value_name = "OUT.png")]
     output: Option<PathBuf>,
@@ -57,7 +60,7 @@ pub fn execute(arguments: &MeasureArguments, output: &Output) -> Result<Exit, Cl
     let scene = arguments
         .scene
         .as_deref()
-        .map(|path| read_scene(path, output))
+        .map(|path| read_scene_with(path, &arguments.sets, output))
         .transpose()?;
     let form = scene.as_ref().map(Scene::form);
     let tables = MeasuredTable::read_all(&files, form, arguments.measured.noise())?;

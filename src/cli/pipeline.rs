@@ -60,7 +60,15 @@ pub fn name_in(path: &Path) -> String {
 /// # Errors
 /// When it cannot be read.
 pub fn read_scene(path: &Path, output: &Output) -> Result<Scene, CliError> {
-    let read = stage::direct::read_scene_with(path, stage::direct::Changes::default())?;
+    read_scene_with(path, &[], output)
+}
+
+/// Like [`read_scene`], with the overrides of the command line.
+///
+/// # Errors
+/// As [`read_scene`], and when an override is invalid.
+pub fn read_scene_with(path: &Path, sets: &[String], output: &Output) -> Result<Scene, CliError> {
+    let read = stage::direct::read_scene_with(path, stage::direct::Changes { sets, voltage: None })?;
     read.notes().into_iter().for_each(|note| output.warn(note));
     Ok(read.scene)
 }

@@ -288,7 +288,10 @@ fn complete_scenes_of_stages(root: &mut Node, registry: &Registry) -> Result<(),
 
 /// Replaces the name of a scene file in an override by the scene. The user has named the file, so it may be anywhere;
 /// its path is relative to the current folder.
-fn with_scene_file(set: &Override) -> Result<Override, InputError> {
+///
+/// # Errors
+/// If there is no such file, or it is not a document.
+pub fn with_scene_file(set: &Override) -> Result<Override, InputError> {
     let NodeValue::Text(file) = set.value() else {
         return Ok(set.clone());
     };

@@ -131,6 +131,12 @@ pub fn shell_word(word: &str) -> String {
     }
 }
 
+/// Returns overrides as options of a command, each after a space: ` --set 'scene.drive.voltage=4 kV'`.
+pub fn set_options<'a>(overrides: impl IntoIterator<Item = (&'a String, &'a String)>) -> String {
+    let option = |(path, value): (&String, &String)| format!(" --set {}", shell_word(&format!("{path}={value}")));
+    overrides.into_iter().map(option).collect()
+}
+
 /// Returns the name of a figure file.
 pub fn figure_name(stage: &str, digest: &str, figure: &str) -> String {
     format!("{}-{digest:.8}-{figure}.png", file_name(stage))

@@ -17,6 +17,8 @@ pub struct PipelineHistory {
     pub pipeline: String,
     /// Its file.
     pub path: String,
+    /// Overrides from the command line: values in YAML by dotted path.
+    pub overrides: BTreeMap<String, String>,
     /// The stages in topological order.
     pub stages: Vec<StageRecord>,
     /// Stages that are repeated in rounds.
@@ -122,6 +124,7 @@ impl PipelineHistory {
         Ok(Self {
             pipeline: pipeline.name.clone(),
             path: pipeline.path.display().to_string(),
+            overrides: pipeline.overrides.clone(),
             stages,
             rounds: pipeline.rounds.clone(),
             model_warnings: Vec::new(),

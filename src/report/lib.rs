@@ -41,7 +41,7 @@ pub use designs::{Design, designs};
 pub use error::ReportError;
 pub use fabrication::FabricationSheet;
 pub use figure_files::{FigureFile, figures_of, remove_figures};
-pub use format::{bytes, file_name, mm_measured, number, seconds, shell_word, three};
+pub use format::{bytes, file_name, mm_measured, number, seconds, set_options, shell_word, three};
 pub use headline::headlines;
 pub use history::{Origin, PipelineHistory, StageRecord};
 pub use html::{Column, Page};

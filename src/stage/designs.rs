@@ -19,6 +19,8 @@ pub struct Design {
     pub title: String,
     /// Its artifact or file.
     pub source: String,
+    /// What it was searched for, in YAML; `None` for a pattern of a file.
+    pub objective: Option<String>,
     /// Its electrode.
     pub pattern: Pattern,
     /// The scene that it was made for.
@@ -41,6 +43,7 @@ impl Design {
 pub struct Designs {
     labels: Vec<DesignLabel>,
     scores: Vec<Option<SimulatedScore>>,
+    objectives: Vec<String>,
     patterns: Vec<Pattern>,
     scene: Scene,
     source: String,
@@ -73,6 +76,7 @@ impl Designs {
         Ok(Some(Self {
             labels: (0..case.len()).map(label).collect(),
             scores,
+            objectives: rows.objective().read()?.0,
             patterns: rows.patterns().read()?,
             scene: StoredAttribute::new(artifact, "scene").read()?,
             source: format!("artifact {}", artifact.digest()),
@@ -89,6 +93,7 @@ impl Designs {
             title: self.labels[row].to_string(),
             label: Some(self.labels[row].clone()),
             source: self.source.clone(),
+            objective: Some(self.objectives[row].clone()),
             pattern: self.patterns[row].clone(),
             scene: self.scene.clone(),
             state: None,
@@ -134,6 +139,7 @@ pub fn of_file(file: &str, scene: Scene, drawings: &DrawingOptions) -> Result<De
         label: None,
         title: title.into_owned(),
         source: format!("file {file}"),
+        objective: None,
         pattern: pattern.clone(),
         scene,
         state: None,

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use deaflow_base::{Document, InputError, Override};
 use deaflow_content::named_patterns;
 use deaflow_dataset::import::{ImportError, ImportFile, Rows};
-use deaflow_orchestrator::splice_scene;
+use deaflow_orchestrator::{splice_scene, with_scene_file};
 use deaflow_pattern::{DrawingOptions, Pattern, PatternForm};
 use deaflow_scene::{Scene, Tolerances, scene_files};
 
@@ -171,6 +171,17 @@ impl<'a> Changes<'a> {
     }
 }
 
+/// Whether an override of a pipeline changes its scene.
+#[must_use]
+pub fn is_of_scene(set: &str) -> bool {
+    set.trim_start().starts_with("scene.") || replaces_scene(set)
+}
+
+/// Whether an override of a pipeline names the file of its scene.
+fn replaces_scene(set: &str) -> bool {
+    set.split_once('=').is_some_and(|(path, _)| path.trim() == "scene")
+}
+
 /// Reads the scene in a file and overrides values.
 ///
 /// # Errors
@@ -179,9 +190,10 @@ pub fn read_scene_with(path: &Path, changes: Changes<'_>) -> Result<ReadScene, I
     let mut root = Document::load(path)?.root;
     let is_pipeline = root.peek("scene").is_some();
     let set = |set: &String| {
-        let own = set.trim_start();
-        let own = own.strip_prefix("scene.").unwrap_or(own);
+        let given = set.trim_start();
+        let own = given.strip_prefix("scene.").unwrap_or(given);
         match is_pipeline {
+            true if replaces_scene(given) => with_scene_file(&Override::parse(given)?),
             true => Override::parse(&format!("scene.{own}")),
             false => Override::of_scene(own),
         }

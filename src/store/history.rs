@@ -344,11 +344,20 @@ impl Store {
     /// # Errors
     /// If the system reports an error.
     pub fn last_made(&self, stage: &str, pipeline: Option<&str>) -> Result<Option<RunStage>, StoreError> {
+        let last = self.last_run_with(stage, pipeline)?;
+        Ok(last.and_then(|run| run.stage(stage).cloned()))
+    }
+
+    /// Returns the last run that had a stage of this name, likewise.
+    ///
+    /// # Errors
+    /// If the system reports an error.
+    pub fn last_run_with(&self, stage: &str, pipeline: Option<&str>) -> Result<Option<Run>, StoreError> {
         for run in self.runs()? {
             let run = run?;
             let wanted = pipeline.is_none_or(|wanted| run.pipeline == wanted || run.path == wanted);
-            if let Some(found) = run.stage(stage).filter(|_| wanted) {
-                return Ok(Some(found.clone()));
+            if wanted && run.stage(stage).is_some() {
+                return Ok(Some(run));
             }
         }
         Ok(None)

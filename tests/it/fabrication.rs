@@ -254,6 +254,78 @@ fn what_is_written_into_the_table_is_read_back() {
 }
 
 #[test]
+fn the_commands_of_a_sheet_and_a_page_have_the_overrides() {
+    let workspace = Workspace::new();
+    workspace.write("bench.yaml", PIPELINE);
+    let sets = ["--set", "scene.drive.voltage=4 kV", "--set", "stages.design.starts=2"];
+    let ended = workspace.run(&[&["run", "bench.yaml", "--quiet"], &sets[..]].concat());
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let page = sheet(&workspace, &[&sets[..], &["--design", "centre"]].concat());
+    let list = between(&page, "<pre class=\"list\">", "</pre>");
+    workspace.write("measured.yaml", list);
+    for file in ["x.csv", "y.csv"] {
+        workspace.write(file, "voltage_kV,displacement_mm\n2,0.2\n3,0.5\n4,0.9\n");
+    }
+    let commands = between(&page, "<pre class=\"commands\">", "</pre>").replace("&#39;", "'");
+    let commands: Vec<&str> = commands.lines().collect();
+    assert_eq!(commands.len(), 3, "{commands:?}");
+    for (command, has_stages) in commands.iter().zip([true, false, false]) {
+        assert!(command.contains(" --set 'scene.drive.voltage=4 kV'"), "{command}");
+        assert_eq!(command.contains("stages.design.starts=2"), has_stages, "{command}");
+        let words = shlex::split(command).unwrap();
+        let words: Vec<&str> = words.iter().skip(1).map(String::as_str).collect();
+        let ended = workspace.run(&words);
+        assert_eq!(ended.code, Some(0), "{command}: {}", ended.stderr);
+    }
+    // The page names the same design, which is that of the overrides; without them none is built.
+    let ended = workspace.run(&[&["report", "bench.yaml", "-o", "out"], &sets[..]].concat());
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let index = std::fs::read_to_string(workspace.path("out/index.html")).unwrap();
+    let export = between(&index, "deaflow export design ", " --design").replace("&#39;", "'");
+    assert_eq!(
+        export,
+        "bench.yaml:verified --set 'scene.drive.voltage=4 kV' --set stages.design.starts=2 --case I"
+    );
+    let ended = workspace.run(&[
+        "export",
+        "design",
+        "bench.yaml:verified",
+        "--design",
+        "centre",
+        "-o",
+        "m.svg",
+    ]);
+    assert_eq!(ended.code, Some(2), "{}", ended.stdout);
+    let ended = workspace.run(&[&["export", "design", "bench.yaml:made", "-o", "m.svg"], &sets[..2]].concat());
+    let told = "--until made --set 'scene.drive.voltage=4 kV'";
+    assert!(ended.code == Some(2) && ended.stderr.contains(told), "{}", ended.stderr);
+    // The name of a stage alone is that of the last run: the pipeline, its overrides and the objective are named.
+    let ended = workspace.run(&["export", "design", "verified", "--design", "centre", "-o", "m.svg"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    for part in [
+        "stage verified of pipeline bench (",
+        "--set 'scene.drive.voltage=4 kV'",
+        "point: [25 mm, 25 mm]",
+    ] {
+        assert!(ended.stdout.contains(part), "{part}: {}", ended.stdout);
+    }
+    let ended = workspace.run(&[&["export", "design", "verified", "-o", "m.svg"], &sets[..]].concat());
+    let told = "name the stage as PIPELINE.yaml:STAGE";
+    assert!(ended.code == Some(2) && ended.stderr.contains(told), "{}", ended.stderr);
+    // The scene of a check and of a mask has its overrides, too.
+    workspace.write("ones.csv", "1,1,1\n1,0,1\n1,1,1\n");
+    for command in [
+        &["check", "ones.csv", "--scene", "bench.yaml"][..],
+        &["export", "design", "ones.csv", "--scene", "bench.yaml", "-o", "m.svg"],
+    ] {
+        let ended = workspace.run(command);
+        assert_eq!(ended.code, Some(2), "{}", ended.stdout);
+        let ended = workspace.run(&[command, &["--set", "scene.geometry.cells=3"]].concat());
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    }
+}
+
+#[test]
 fn groups_frame_and_bodies_are_drawn_and_states_have_their_rows() {
     let workspace = workspace(DEVICE);
     let page = sheet(&workspace, &[]);

@@ -13,16 +13,17 @@ use crate::arguments::{
     DesignArguments, DrawingArguments, StateArguments, StoreArguments, TOLERANCE, has_hdf5_extension, integer, number,
 };
 use crate::job::extend;
-use crate::pipeline::read_scene;
+use crate::pipeline::read_scene_with;
 use crate::{CliError, Exit, Output, locate, write};
 use deaflow_base::four_digits;
 use deaflow_fem::SolveOptions;
 use deaflow_field::Mesh;
 use deaflow_pattern::has_patterns;
 use deaflow_report::export::{self, MOST_PIXELS, Surface, mask_drawing};
+use deaflow_report::{set_options, shell_word};
 use deaflow_scene::{Mask, Size, Voltages};
 use deaflow_stage::designs::{self, Design, Designs};
-use deaflow_store::Artifact;
+use deaflow_store::{Artifact, Run};
 
 /// The heading of options about masks.
 const MASK: &str = "Masks";
@@ -50,6 +51,10 @@ pub struct ExportDesignArguments {
     /// The scene of a pattern: a YAML file of a scene, or of a pipeline that has one
     #[arg(long, value_name = "SCENE", conflicts_with_all = DesignArguments::NAMES)]
     pub scene: Option<PathBuf>,
+    /// Override a value of the pipeline of PIPELINE.yaml:STAGE, as in the `run` that built the stage, or of the scene of
+    /// --scene
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    pub sets: Vec<String>,
     #[command(flatten)]
     pub drawings: DrawingArguments,
     /// The size of a mask: on the frame, or before the membrane is stretched [default: prestretched]
@@ -136,11 +141,8 @@ const PIXELS_PER_MM: f64 = 20.0;
 pub fn execute(arguments: &ExportDesignArguments, output: &Output) -> Result<Exit, CliError> {
     let format = format_of(arguments.format, &arguments.output, &DesignFormat::ALL)?;
     check_options(arguments, format)?;
-    let design = in_state(
-        of_group(design(arguments, output)?, arguments, format)?,
-        arguments,
-        format,
-    )?;
+    let (design, found_in) = design(arguments, output)?;
+    let design = in_state(of_group(design, arguments, format)?, arguments, format)?;
     design.notes.iter().for_each(|note| output.warn(note));
     let path = path(arguments, &design, format);
     let scene = arguments.scene.iter().map(|scene| scene.display().to_string());
@@ -158,13 +160,17 @@ pub fn execute(arguments: &ExportDesignArguments, output: &Output) -> Result<Exi
             "title": design.title,
             "design": labelled(&design),
             "state": design.state,
+            "objective": design.objective,
+            "pipeline": found_in.as_ref().map(FoundIn::document),
             "notes": design.notes,
         });
         extend(&mut document, report.document);
         document
     };
     output.result(document, || {
-        let lines: Vec<String> = report.lines.iter().map(|line| format!("\n{line}")).collect();
+        let found = found_in.iter().map(|found| found.line(&arguments.source, &design));
+        let lines: Vec<String> = found.chain(report.lines.iter().cloned()).collect();
+        let lines: Vec<String> = lines.iter().map(|line| format!("\n{line}")).collect();
         format!("{}: {}{}", path.display(), design.title, lines.concat())
     })
 }
@@ -208,20 +214,55 @@ fn check_options(arguments: &ExportDesignArguments, format: DesignFormat) -> Res
     Err(CliError::bad_input(format!("{unused} cannot be used with --format {}", format.name())).help(why))
 }
 
-fn design(arguments: &ExportDesignArguments, output: &Output) -> Result<Design, CliError> {
+/// Where a design was found by the name of a stage alone: the pipeline of the last run that had it.
+struct FoundIn {
+    pipeline: String,
+    path: String,
+    overrides: BTreeMap<String, String>,
+}
+
+impl FoundIn {
+    fn of(run: Run) -> Self {
+        Self {
+            pipeline: run.pipeline,
+            path: run.path,
+            overrides: run.overrides,
+        }
+    }
+
+    fn line(&self, stage: &str, design: &Design) -> String {
+        let objective = design.objective.as_deref().unwrap_or_default();
+        let objective = match objective.trim() {
+            "" => String::new(),
+            text => format!(": {text}"),
+        };
+        let (path, sets) = (shell_word(&self.path), set_options(&self.overrides));
+        format!("stage {stage} of pipeline {} ({path}{sets}){objective}", self.pipeline)
+    }
+
+    fn document(&self) -> Value {
+        json!({ "name": self.pipeline, "path": self.path, "overrides": self.overrides })
+    }
+}
+
+fn design(arguments: &ExportDesignArguments, output: &Output) -> Result<(Design, Option<FoundIn>), CliError> {
     let source = arguments.source.as_str();
     if let Some(scene) = &arguments.scene {
-        return Ok(designs::of_file(
-            source,
-            read_scene(scene, output)?,
-            &arguments.drawings.options(),
-        )?);
+        let scene = read_scene_with(scene, &arguments.sets, output)?;
+        return Ok((designs::of_file(source, scene, &arguments.drawings.options())?, None));
+    }
+    if !arguments.sets.is_empty() && locate::split(source).is_none() {
+        return Err(CliError::bad_input(format!(
+            "--set overrides values of a pipeline or of --scene, and {source} is neither"
+        ))
+        .help("name the stage as PIPELINE.yaml:STAGE"));
     }
     let path = Path::new(source);
     let is_hdf5 = has_hdf5_extension(path);
     let is_dataset = source
         .split_once(":/")
         .is_some_and(|(file, _)| has_patterns(Path::new(file)));
+    let mut found_in = None;
     let artifact = match is_hdf5 {
         true if path.is_file() => Artifact::open(path)?,
         _ if is_dataset || (has_patterns(path) && !is_hdf5) => {
@@ -229,16 +270,18 @@ fn design(arguments: &ExportDesignArguments, output: &Output) -> Result<Design, 
                 CliError::bad_input(format!("{source} is a pattern and needs a scene")).help("add --scene SCENE.yaml")
             );
         }
-        _ => locate::artifact(
-            &locate::existing_store(&arguments.store.folder_of_any([&arguments.source]))?,
-            source,
-        )?,
+        _ => {
+            let store = locate::existing_store(&arguments.store.folder_of_any([&arguments.source]))?;
+            let artifact = locate::artifact_with(&store, source, &arguments.sets)?;
+            found_in = store.last_run_with(source, None)?.map(FoundIn::of);
+            artifact
+        }
     };
     let designs = Designs::read(&artifact)?.ok_or_else(|| {
         CliError::bad_input(format!("artifact {} contains no designs", artifact.digest().short()))
             .help("name a stage of kind design or verify; a pattern needs --scene")
     })?;
-    Ok(designs.choose(&arguments.which.filter())?)
+    Ok((designs.choose(&arguments.which.filter())?, found_in))
 }
 
 /// Returns the design, or one group of its electrodes.

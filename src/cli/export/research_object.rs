@@ -15,7 +15,7 @@ use deaflow_base::{
     software,
 };
 use deaflow_orchestrator::{BuiltStage, BuiltStages, Pipeline, built_stages};
-use deaflow_report::{CrateFile, CrateStage, METADATA, ResearchObject, figure_files, file_name};
+use deaflow_report::{CrateFile, CrateStage, METADATA, ResearchObject, figure_files, file_name, set_options};
 use deaflow_scene::{material_file, scene_files};
 use deaflow_store::{LockFile, Store, write_standalone};
 
@@ -48,11 +48,7 @@ pub fn execute(arguments: &ExportCrateArguments, output: &Output) -> Result<Exit
     let built = built_stages(&pipeline, &store)?;
     if !built.missing.is_empty() {
         let path = pipeline.path.display();
-        let sets = pipeline
-            .overrides
-            .iter()
-            .map(|(path, value)| format!(" --set {path}={value:?}"));
-        let sets: String = sets.collect();
+        let sets = set_options(&pipeline.overrides);
         return Err(CliError::bad_input(format!("not built: {}", built.missing.join(", ")))
             .help(format!("build them first: deaflow run {path}{sets}")));
     }

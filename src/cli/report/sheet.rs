@@ -48,7 +48,7 @@ impl PreparedSheet {
             history,
             design,
             neglected: &neglected,
-            scene_file: has_scene_of(&pipeline.path, design).then_some(history.path.as_str()),
+            scene_file: has_scene_of(pipeline, design).then_some(history.path.as_str()),
         };
         Ok(Self {
             file: file.to_owned(),
@@ -150,8 +150,15 @@ fn score(design: &Design) -> Option<SimulatedScore> {
     })
 }
 
-/// Whether a pipeline has the scene of a design, so that commands for one device can read it there.
-fn has_scene_of(path: &Path, design: &Design) -> bool {
-    let scene = direct::read_scene(path);
-    scene.is_ok_and(|scene| scene.without_time().differences(&design.scene).is_empty())
+/// Whether a pipeline has the scene of a design, so that commands for one device can read it there, with the overrides
+/// of the scene.
+fn has_scene_of(pipeline: &Pipeline, design: &Design) -> bool {
+    let overrides = pipeline.overrides.iter().map(|(path, value)| format!("{path}={value}"));
+    let sets: Vec<String> = overrides.filter(|set| direct::is_of_scene(set)).collect();
+    let changes = direct::Changes {
+        sets: &sets,
+        voltage: None,
+    };
+    let read = direct::read_scene_with(&pipeline.path, changes);
+    read.is_ok_and(|read| read.scene.without_time().differences(&design.scene).is_empty())
 }

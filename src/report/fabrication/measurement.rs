@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::{LINE, Lines, rows};
 use crate::designs::{Design, TargetMotion};
 use crate::drawing::number;
-use crate::format::shell_word;
+use crate::format::{set_options, shell_word};
 use crate::history::PipelineHistory;
 use crate::page::{design_options, source_of};
 
@@ -160,6 +160,14 @@ impl ComponentFile {
 /// Returns the commands that write the pattern, show what is read, and compare it.
 fn commands(history: &PipelineHistory, design: &Design, scene_file: Option<&str>) -> Vec<String> {
     let scene = scene_file.map_or_else(|| "SCENE.yaml".to_owned(), shell_word);
+    // Those of stages do not change the scene, and a scene in a file of its own has them.
+    let is_of_scene = |(path, _): &(&String, &String)| *path == "scene" || path.starts_with("scene.");
+    let overrides = history
+        .overrides
+        .iter()
+        .filter(is_of_scene)
+        .filter(|_| scene_file.is_some());
+    let sets = set_options(overrides);
     vec![
         format!(
             "deaflow export design {}{} --member {} --units {} -o design.csv",
@@ -168,8 +176,8 @@ fn commands(history: &PipelineHistory, design: &Design, scene_file: Option<&str>
             design.member + 1,
             design.units
         ),
-        format!("deaflow measure measured.yaml --scene {scene}"),
-        format!("deaflow compare {scene} measured.yaml"),
+        format!("deaflow measure measured.yaml --scene {scene}{sets}"),
+        format!("deaflow compare {scene} measured.yaml{sets}"),
     ]
 }
 

@@ -12,7 +12,7 @@ mod warnings;
 use super::artifacts::RunArtifacts;
 use super::designs::{Design, DesignStatistics, Extreme};
 use super::error::ReportError;
-use super::format::{bytes, change, counted, percents, seconds, shell_word};
+use super::format::{bytes, change, counted, percents, seconds, set_options, shell_word};
 use super::history::{PipelineHistory, StageRecord};
 use super::html::Page;
 use super::kinds::by_section;
@@ -60,9 +60,10 @@ fn mask_command(history: &PipelineHistory, designs: &[Design]) -> String {
     )
 }
 
-/// Returns a stage of a pipeline as commands name it.
+/// Returns a stage of a pipeline as commands name it, with the overrides of the pipeline.
 pub(super) fn source_of(history: &PipelineHistory, stage: &str) -> String {
-    shell_word(&format!("{}:{stage}", history.path))
+    let source = shell_word(&format!("{}:{stage}", history.path));
+    source + &set_options(&history.overrides)
 }
 
 /// Returns the options of commands that select the target and the role of a design, each after a space.
@@ -111,9 +112,10 @@ fn head(page: &mut Page, history: &PipelineHistory, designs: &[Design], warned: 
                 history.stages.len()
             ),
             format!(
-                "Missing: {}. To build them, run deaflow run {}",
+                "Missing: {}. To build them, run deaflow run {}{}",
                 missing.join(", "),
-                history.path
+                shell_word(&history.path),
+                set_options(&history.overrides)
             ),
         ]);
     }
