@@ -38,7 +38,14 @@ pub fn execute(arguments: &FsckArguments, output: &Output) -> Result<Exit, CliEr
     };
     report.damaged.splice(..0, marker);
     bar.clear();
-    output.result(|| document(&report), || text(&report, arguments.repair))?;
+    output.result(
+        || {
+            let mut document = document(&report);
+            document["store"] = json!(store.root());
+            document
+        },
+        || format!("{}\n{}", locate::named(&store), text(&report, arguments.repair)),
+    )?;
     let is_sound = arguments.repair || (report.damaged.is_empty() && report.missing.is_empty());
     Ok(match () {
         () if !is_sound => Exit::Damaged,

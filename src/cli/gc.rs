@@ -78,8 +78,16 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
         }
     }
     output.result(
-        || document(&plan, &figures, arguments.dry_run),
-        || text(&plan, &figures, arguments.dry_run),
+        || {
+            let mut document = document(&plan, &figures, arguments.dry_run);
+            document["store"] = json!(store.root());
+            document
+        },
+        || {
+            let mut text = text(&plan, &figures, arguments.dry_run);
+            text.line(locate::named(&store));
+            text
+        },
     )?;
     let Some(wanted) = arguments.free.filter(|wanted| plan.bytes_freed() < *wanted) else {
         return Ok(Exit::Done);

@@ -35,6 +35,12 @@ pub fn of_folder<T>(opened: Result<T, StoreError>) -> Result<T, CliError> {
     })
 }
 
+/// Names a store for a command that finds it by the folder: absolute, since a relative path depends on that folder.
+pub fn named(store: &Store) -> String {
+    let root = std::path::absolute(store.root()).unwrap_or_else(|_| store.root().to_owned());
+    format!("store: {}", root.display())
+}
+
 /// Finds the artifact of a reference.
 ///
 /// # Errors
