@@ -14,7 +14,7 @@ use super::text::Text;
 use super::tone::Tone;
 use deaflow_base::{error_digits, four_digits, measured, range_ends, rounded_by};
 use deaflow_fem::{CriticalVoltage, GeometryError};
-use deaflow_field::{Field, Mesh, OutcomeKind};
+use deaflow_field::{Field, Mesh, Motion, OutcomeKind};
 use deaflow_report::mm_measured;
 use deaflow_scene::Breakdown;
 
@@ -68,6 +68,8 @@ pub struct SampleResult {
     pub breakdown_ratio: Option<f64>,
     /// What the sides do, if not all are held.
     pub sides: Option<SideResults>,
+    /// The motion of each rigid body, if there is a solution.
+    pub bodies: Vec<Motion>,
 }
 
 /// The mesh that was chosen for a requested accuracy.
@@ -142,6 +144,7 @@ impl SampleResult {
             critical: None,
             breakdown_ratio: None,
             sides: None,
+            bodies: Vec::new(),
         }
     }
 
@@ -223,6 +226,9 @@ pub fn text(results: &[SampleResult], file: Option<&Path>, probe: Option<&Probe>
         0 => Text::new(),
         1..=FEW => {
             let mut text = Text::of(list(results, probe));
+            if results.iter().any(|result| !result.bodies.is_empty()) {
+                text.table(bodies(results));
+            }
             if results.iter().any(|result| result.error_mm().is_some()) {
                 text.line(format!(
                     "±: error of the mesh, estimated from two meshes{}; it does not include the error of the model",
@@ -265,6 +271,26 @@ fn list(results: &[SampleResult], probe: Option<&Probe>) -> table::Table {
             row.push(Cell::from(along.unwrap_or("-".to_owned())));
         }
         table.add_row(row);
+    }
+    table
+}
+
+/// How the rigid bodies of the patterns move.
+fn bodies(results: &[SampleResult]) -> table::Table {
+    let has_states = results.iter().any(|result| result.id.state.is_some());
+    let mut header = vec!["pattern"];
+    header.extend(has_states.then_some("state"));
+    header.extend(["body", "along x", "along y", "rotation"]);
+    let mut table = table::table(&header, &["along x", "along y", "rotation"]);
+    for result in results {
+        for (body, motion) in result.bodies.iter().enumerate() {
+            let mut row = vec![result.id.index.to_string()];
+            row.extend(has_states.then(|| result.id.state.clone().unwrap_or_else(|| "-".to_owned())));
+            row.push(body.to_string());
+            row.extend(motion.translation.map(|mm| format!("{} mm", result.rounded(mm))));
+            row.push(format!("{} deg", four_digits(motion.rotation)));
+            table.add_row(row);
+        }
     }
     table
 }
@@ -464,6 +490,17 @@ pub fn document(results: &[SampleResult], patterns: usize, probe: Option<&Probe>
         });
         if let Some(sides) = &result.sides {
             extend(&mut own, sides.document());
+        }
+        if !result.bodies.is_empty() {
+            let (translations, rotations): (Vec<[f64; 2]>, Vec<f64>) = result
+                .bodies
+                .iter()
+                .map(|motion| (motion.translation, motion.rotation))
+                .unzip();
+            extend(
+                &mut own,
+                json!({ "body_translation_mm": translations, "body_rotation_deg": rotations }),
+            );
         }
         Some(own)
     });

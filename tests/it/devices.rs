@@ -1012,3 +1012,46 @@ fn estimates_of_devices_with_sides_that_are_not_held_are_refused_by_plan() {
         );
     }
 }
+
+#[test]
+fn the_motion_of_bodies_in_the_plane_is_printed() {
+    let workspace = Workspace::new();
+    workspace.write(
+        "scene.yaml",
+        "geometry: { size: [40 mm, 20 mm], thickness: 1 mm, prestretch: 3, cells: [20, 10], bodies: [
+  { rectangle: [[18 mm, 8 mm], [22 mm, 12 mm]] }, { rectangle: [[6 mm, 4 mm], [10 mm, 8 mm]] } ] }
+material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+drive: { voltage: 4 kV }
+effects: {}
+",
+    );
+    let rows = (0..10).map(|y| {
+        (0..20)
+            .map(|x| if x > 10 && y < 6 { "1" } else { "0" })
+            .collect::<Vec<_>>()
+            .join(",")
+    });
+    workspace.write("part.csv", &rows.collect::<Vec<_>>().join("\n"));
+    let solve = ["solve", "scene.yaml", "part.csv", "--no-checks"];
+    let ended = workspace.run(&[&solve[..], &["-o", "out.h5", "--json"]].concat());
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let document = ended.json();
+    let pattern = &document["patterns"][0];
+    let numbers = |value: &serde_json::Value| -> Vec<f64> {
+        let each = value.as_array().unwrap().iter();
+        each.flat_map(|one| one.as_array().cloned().unwrap_or_else(|| vec![one.clone()]))
+            .map(|number| number.as_f64().unwrap())
+            .collect()
+    };
+    let (_, translation) = dataset(&workspace, "out.h5", "body_translation");
+    let (_, rotation) = dataset(&workspace, "out.h5", "body_rotation");
+    assert_eq!(numbers(&pattern["body_translation_mm"]), translation);
+    assert_eq!(numbers(&pattern["body_rotation_deg"]), rotation);
+    assert!(translation[0] < -0.01 && rotation.len() == 2, "{translation:?}");
+    let shown = workspace.run(&solve).stdout;
+    let table = shown.split(" body ").nth(1).unwrap_or_else(|| panic!("{shown}"));
+    for part in ["along x", "along y", "rotation", " deg"] {
+        assert!(table.contains(part), "{part}: {shown}");
+    }
+    assert_eq!(table.matches(" deg").count(), 2, "{shown}");
+}

@@ -129,6 +129,9 @@ fn results(simulation: &Simulation<'_>, solved: &Solved<'_>, probe: Option<Probe
             is_checked: !simulation.arguments.no_checks,
             near_limit: run.near_limit[index],
             sides: SideResults::of(&run.screened.scene, solution),
+            bodies: field
+                .and_then(|_| solution.observation.bodies.clone())
+                .unwrap_or_default(),
             breakdown_ratio: solution.observation.breakdown_ratio.filter(|_| is_observed),
             critical: is_searched.then_some(CriticalBracket {
                 mesh: *mesh,
