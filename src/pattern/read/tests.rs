@@ -55,6 +55,35 @@ impl Folder {
     }
 }
 
+#[test]
+fn a_whole_table_of_other_cells_says_how_to_simulate_them() {
+    let folder = Folder::new();
+    let table = |columns: usize, rows: usize| format!("{}\n", vec!["1"; columns].join(",")).repeat(rows);
+    let square = "or simulate 20 × 20 cells: `--set geometry.cells=20` (of a pipeline `--set scene.geometry.cells=20`)";
+    for (columns, rows, told) in [
+        (20, 20, Some(square)),
+        (
+            50,
+            20,
+            Some("or simulate 50 × 20 cells: `--set geometry.cells=[50, 20]`"),
+        ),
+        (
+            20,
+            50,
+            Some("or simulate 20 × 50 cells: `--set geometry.cells=[20, 50]`"),
+        ),
+        (401, 20, None),
+        (1, 50, None),
+    ] {
+        let message = folder.refusal("own.csv", table(columns, rows).as_bytes());
+        assert_eq!(message.contains("--set"), told.is_some(), "{message}");
+        let told = told.unwrap_or("allowed: 50 lines of 50 values");
+        assert!(message.contains(told), "{message}");
+    }
+    let message = folder.refusal("own.csv", format!("{}1,0\n", table(20, 20)).as_bytes());
+    assert!(!message.contains("--set"), "lines of several lengths: {message}");
+}
+
 pub fn cells() -> Vec<f64> {
     wanted().cells().iter().map(|&c| f64::from(c)).collect()
 }
