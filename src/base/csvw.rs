@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::program::software;
+use super::quantity::Dimension;
 
 /// The description of a CSV file.
 #[derive(Clone, Debug)]
@@ -18,6 +19,52 @@ pub struct CsvTable {
     pub source: String,
     /// Whether its first line contains the column names.
     pub header: bool,
+    /// Its columns; empty if they are not described.
+    pub columns: Vec<CsvColumn>,
+}
+
+/// A column of a table.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CsvColumn {
+    /// Its name in the first line.
+    pub title: String,
+    /// The unit of its numbers; 1 for pure numbers, `None` for texts or if it is not known.
+    pub unit: Option<String>,
+}
+
+impl CsvColumn {
+    /// Describes a column whose name ends with its unit, as in `voltage_V`, or that has none.
+    #[must_use]
+    pub fn of_title(title: &str) -> Self {
+        Self {
+            title: title.to_owned(),
+            unit: unit_of(title),
+        }
+    }
+
+    fn described(&self) -> Value {
+        let mut described = json!({ "name": uri(&self.title), "titles": self.title });
+        if let Some(unit) = &self.unit {
+            described["schema:unitText"] = json!(unit);
+        }
+        described
+    }
+}
+
+/// Returns the unit at the end of a name, as in `voltage_V` and `amplitude_mm_per_V`.
+fn unit_of(title: &str) -> Option<String> {
+    let is_unit = |word: &str| {
+        let is_known = Dimension::ALL.into_iter().any(|dimension| dimension.has_unit(word));
+        is_known || ["mm2", "J"].contains(&word)
+    };
+    let (rest, unit) = title.rsplit_once('_').filter(|(_, unit)| is_unit(unit))?;
+    match rest.strip_suffix("_per") {
+        None => Some(unit.to_owned()),
+        Some(rest) => {
+            let (_, over) = rest.rsplit_once('_').filter(|(_, over)| is_unit(over))?;
+            Some(format!("{over}/{unit}"))
+        }
+    }
 }
 
 /// Returns the metadata file of the table at `path`.
@@ -40,6 +87,10 @@ pub fn csv_metadata(tables: &[CsvTable]) -> Vec<u8> {
         });
         if !table.header {
             described["dialect"] = json!({ "header": false });
+        }
+        if !table.columns.is_empty() {
+            let columns: Vec<Value> = table.columns.iter().map(CsvColumn::described).collect();
+            described["tableSchema"] = json!({ "columns": columns });
         }
         described
     };
@@ -76,7 +127,37 @@ mod tests {
             title: "quickstart: design".to_owned(),
             source: "ab12".to_owned(),
             header,
+            columns: Vec::new(),
         }
+    }
+
+    #[test]
+    fn columns_have_the_units_of_their_names() {
+        let units = [
+            ("pattern", None),
+            ("voltage_V", Some("V")),
+            ("largest_displacement_mm", Some("mm")),
+            ("area_mm2", Some("mm2")),
+            ("stored_J", Some("J")),
+            ("amplitude_mm_per_V", Some("mm/V")),
+            ("elements_per_cell", None),
+            ("pixels_per_mm", None),
+            ("pattern_file", None),
+            ("mm", None),
+        ];
+        for (title, unit) in units {
+            assert_eq!(CsvColumn::of_title(title).unit.as_deref(), unit, "{title}");
+        }
+        let table = CsvTable {
+            columns: ["pattern", "voltage_V"].map(CsvColumn::of_title).to_vec(),
+            ..about("path.csv", true)
+        };
+        let read: Value = serde_json::from_slice(&csv_metadata(&[table])).unwrap();
+        let wanted = json!([
+            { "name": "pattern", "titles": "pattern" },
+            { "name": "voltage_V", "titles": "voltage_V", "schema:unitText": "V" },
+        ]);
+        assert_eq!(read["tableSchema"]["columns"], wanted);
     }
 
     #[test]

@@ -36,7 +36,7 @@ pub use clock::{readable_time, thread_seconds};
 pub use concurrently::concurrently;
 pub use confined::{ConfinedError, confined};
 pub use cpu::CpuLevel;
-pub use csvw::{CsvTable, csv_metadata, csv_metadata_file, uri};
+pub use csvw::{CsvColumn, CsvTable, csv_metadata, csv_metadata_file, uri};
 pub use digest::{Digest, DigestWriter, ParseDigestError};
 pub use digits::{
     error_digits, four_digits, four_significant, measured, range_ends, rounded_by, two_digits, with_minus,

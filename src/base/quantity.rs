@@ -271,6 +271,12 @@ impl Dimension {
         self.units().first().map_or("", |unit| unit.0)
     }
 
+    /// Whether it has a unit with this symbol.
+    #[must_use]
+    pub fn has_unit(self, symbol: &str) -> bool {
+        self.units().iter().any(|(unit, _)| *unit == symbol)
+    }
+
     /// Returns the dimension whose base unit has this symbol.
     #[must_use]
     pub fn of_base_unit(symbol: &str) -> Option<Self> {

@@ -11,7 +11,7 @@ use super::arguments::{
 use super::local_build::{Build, BuildResult, LockMode};
 use super::pipeline::load_file;
 use super::{CliError, Exit, Output, csv, plan, write};
-use deaflow_base::{ArtifactId, Document, Node, NodeValue, Override};
+use deaflow_base::{ArtifactId, CsvColumn, Document, Node, NodeValue, Override};
 use deaflow_content::Table;
 use deaflow_orchestrator::{StageReport, WITHOUT};
 use deaflow_report::ResultTable;
@@ -115,13 +115,14 @@ pub fn execute(arguments: &SweepArguments, output: &Output) -> Result<Exit, CliE
     };
     let table = collected(&complete.store().clone().guarded(), complete.stages(), &sweep.table)?;
     // Before anything is printed: a reader may close stdout.
-    if let (Some(file), Some((digest, text))) = (&arguments.output, &table) {
+    if let (Some(file), Some(table)) = (&arguments.output, &table) {
         let title = format!("{}: table of a sweep", pipeline.name);
-        write::csv(file, text.as_bytes(), &title, &digest.to_string())?;
+        let origin = (title.as_str(), &*table.digest.to_string());
+        write::csv_of(file, table.text.as_bytes(), origin, table.columns.clone())?;
     }
     let exit = complete.report(output)?;
-    if let Some((_, text)) = table.filter(|_| arguments.csv) {
-        output.plain(&text)?;
+    if let Some(table) = table.filter(|_| arguments.csv) {
+        output.plain(&table.text)?;
     }
     Ok(exit)
 }
@@ -132,8 +133,16 @@ fn split_set(set: &str) -> Option<(String, String)> {
     Some((path.trim().to_owned(), values.trim().to_owned()))
 }
 
-/// The table as CSV, with its digest; none if no table was requested.
-fn collected(store: &Store, stages: &[StageReport], name: &str) -> Result<Option<(ArtifactId, String)>, CliError> {
+/// The table that a sweep has collected.
+struct Collected {
+    digest: ArtifactId,
+    /// The table as CSV.
+    text: String,
+    columns: Vec<CsvColumn>,
+}
+
+/// The collected table; none if none was requested.
+fn collected(store: &Store, stages: &[StageReport], name: &str) -> Result<Option<Collected>, CliError> {
     let digest = stages
         .iter()
         .find(|stage| stage.name == name)

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::{CliError, Output};
-use deaflow_base::{CsvTable, OutputFile, csv_metadata, csv_metadata_file, output_folder, write_output};
+use deaflow_base::{CsvColumn, CsvTable, OutputFile, csv_metadata, csv_metadata_file, output_folder, write_output};
 use deaflow_report::figures::FigureError;
 use deaflow_store::Store;
 
@@ -40,11 +40,33 @@ pub fn drawn(path: PathBuf, draw: impl FnOnce(&Path) -> Result<(), FigureError>,
     }
 }
 
-/// Writes comma-separated values with a header, and a metadata file with their title and source.
+/// Writes comma-separated values with a header, and a metadata file with their title, source and columns, whose names
+/// end with their units.
 ///
 /// # Errors
 /// As [`file()`].
 pub fn csv(path: &Path, rows: &[u8], title: &str, source: &str) -> Result<(), CliError> {
+    let mut reader = csv::Reader::from_reader(rows);
+    let header = reader.headers();
+    let header = header.map_err(|error| CliError::failure(format!("cannot describe {}: {error}", path.display())))?;
+    csv_of(
+        path,
+        rows,
+        (title, source),
+        header.iter().map(CsvColumn::of_title).collect(),
+    )
+}
+
+/// Like [`csv`], with other columns.
+///
+/// # Errors
+/// As [`file()`].
+pub fn csv_of(
+    path: &Path,
+    rows: &[u8],
+    (title, source): (&str, &str),
+    columns: Vec<CsvColumn>,
+) -> Result<(), CliError> {
     file(path, rows)?;
     let name = path.file_name().unwrap_or_default();
     let table = CsvTable {
@@ -52,6 +74,7 @@ pub fn csv(path: &Path, rows: &[u8], title: &str, source: &str) -> Result<(), Cl
         title: title.to_owned(),
         source: source.to_owned(),
         header: true,
+        columns,
     };
     file(&csv_metadata_file(path), &csv_metadata(&[table]))
 }

@@ -12,7 +12,7 @@ use super::export::{cell_lines, dxf, mask_drawing};
 use super::history::PipelineHistory;
 use super::intervals::NetworkInterval;
 use super::page::{self, report_page};
-use deaflow_base::{CsvTable, OutputFile, csv_metadata, folder_of, read_bounded};
+use deaflow_base::{CsvColumn, CsvTable, OutputFile, csv_metadata, folder_of, read_bounded};
 use deaflow_scene::{Mask, Size};
 use deaflow_store::Store;
 
@@ -230,16 +230,18 @@ fn digests(made: &[StageArtifact]) -> String {
 /// Describes the CSV files: the pipeline, and the artifacts of the designs.
 fn described(designs: &[Design], history: &PipelineHistory, made: &[StageArtifact]) -> Vec<CsvTable> {
     let source = digests(made);
-    let table = |url: String, title: &str, header: bool| CsvTable {
+    let table = |url: String, title: &str, columns: Vec<CsvColumn>| CsvTable {
         url,
         title: format!("{}: {title}", history.pipeline),
         source: source.clone(),
-        header,
+        header: !columns.is_empty(),
+        columns,
     };
     let patterns = designs
         .iter()
-        .map(|design| table(design.pattern_file(), &design.name, false));
-    std::iter::once(table("designs.csv".to_owned(), "designs", true))
+        .map(|design| table(design.pattern_file(), &design.name, Vec::new()));
+    let columns = COLUMNS.map(CsvColumn::of_title).to_vec();
+    std::iter::once(table("designs.csv".to_owned(), "designs", columns))
         .chain(patterns)
         .collect()
 }

@@ -159,6 +159,18 @@ fn a_pipeline_is_swept_without_editing_it() {
         (&about["url"], &about["@context"]),
         (&json!("table.csv"), &json!("http://www.w3.org/ns/csvw"))
     );
+    let columns = about["tableSchema"]["columns"].as_array().unwrap();
+    let units = columns
+        .iter()
+        .map(|column| (&column["titles"], &column["schema:unitText"]));
+    assert_eq!(
+        units.collect::<Vec<_>>()[..3],
+        [
+            (&json!("voltage"), &json!("V")),
+            (&json!("area"), &json!("1")),
+            (&json!("max_displacement"), &json!("mm"))
+        ]
+    );
     let log = workspace.run(&["log", "plain.yaml", "--json"]).json();
     assert_eq!(
         log["runs"][0]["overrides"],
