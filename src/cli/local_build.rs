@@ -261,10 +261,12 @@ impl CompleteBuild<'_> {
             results.warning_lines().for_each(|line| output.note(&line));
         } else {
             let mut text = build.results_text(&outcome, &results, &neglected.of_samples);
-            if !elsewhere.is_empty() {
-                text.line(build.elsewhere_line(&elsewhere, access.remote()));
+            let pull = build.pull(&elsewhere, access.remote());
+            if let Some(remote) = access.remote().filter(|_| pull.is_some()) {
+                let names: Vec<&str> = elsewhere.iter().map(|made| made.stage.as_str()).collect();
+                text.line(format!("on {} only: {}", remote.name(), names.join(", ")));
             }
-            build.add_next(&mut text, &results, access.store().root());
+            build.add_next(&mut text, &results, access.store().root(), pull);
             output.text(text)?;
         }
         if let Some((why, exit)) = doubt {
@@ -296,23 +298,23 @@ impl Build<'_> {
     }
 
     /// Adds where figures and artifacts are, and what may follow.
-    fn add_next(&self, text: &mut Text, results: &RunResults, store: &Path) {
+    fn add_next(&self, text: &mut Text, results: &RunResults, store: &Path, pull: Option<String>) {
         summary::add_places(text, results, store, self.verbosity.verbose);
         // The pipeline in the file does not have the stages of a sweep.
         if self.command == Command::Run {
-            text.command(format!("next: deaflow report {} -o report", self.of.shell_words()));
+            let report = || format!("deaflow report {} -o report", self.of.shell_words());
+            text.command(format!("next: {}", pull.unwrap_or_else(report)));
         }
     }
 
-    /// Names the stages whose artifacts are on a remote only.
-    fn elsewhere_line(&self, stages: &[StageArtifact], remote: Option<&Remote>) -> String {
-        let names: Vec<&str> = stages.iter().map(|made| made.stage.as_str()).collect();
-        let name = remote.map_or("the remote", Remote::name);
-        format!(
-            "on {name} only: {}; fetch their results with `deaflow pull {} --remote {name}`",
-            names.join(", "),
-            self.of.pipeline.display()
-        )
+    /// Returns the command that fetches stages whose artifacts are on a remote only, which a report needs here.
+    fn pull(&self, elsewhere: &[StageArtifact], remote: Option<&Remote>) -> Option<String> {
+        let remote = remote.filter(|_| !elsewhere.is_empty())?;
+        Some(format!(
+            "deaflow pull {} --remote {}",
+            self.of.shell_words(),
+            remote.name()
+        ))
     }
 }
 

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::{CliError, pipeline};
-use deaflow_base::{ArtifactId, nearest, readable_time};
+use super::{CliError, pipeline, upstream};
+use deaflow_base::{ArtifactId, Override, nearest, readable_time};
 use deaflow_orchestrator::{Environment, StageReport, Staleness, plan};
 use deaflow_report::set_options;
 use deaflow_store::{Artifact, Command, Lookup, RemovedArtifact, Run, Store, StoreError};
@@ -92,7 +92,12 @@ fn open(store: &Store, digest: &ArtifactId) -> Result<Artifact, CliError> {
     match store.artifact(digest) {
         Err(error @ StoreError::Missing { .. }) => Err(match store.removal_of(digest)? {
             Some(removed) => removed_error(&removed),
-            None => error.into(),
+            None => match upstream::pull_command("PIPELINE.yaml") {
+                Some(pull) => CliError::from(error).help(format!(
+                    "a run with --remote leaves results on the remote: fetch them with `{pull}`"
+                )),
+                None => error.into(),
+            },
         }),
         opened => Ok(opened?),
     }

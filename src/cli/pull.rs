@@ -11,7 +11,7 @@ use super::upstream;
 use super::{CliError, Exit, Output, pipeline, table};
 use deaflow_base::ArtifactId;
 use deaflow_orchestrator::built_stages;
-use deaflow_remote::{IgnoredRecords, PullReport, Remote, pull_all, pull_some};
+use deaflow_remote::{IgnoredRecords, PublicKey, PullReport, Remote, pull_all, pull_some};
 use deaflow_store::Store;
 
 /// Fetch artifacts and records from a remote, and verify them
@@ -94,6 +94,18 @@ pub fn execute(arguments: &PullArguments, output: &Output) -> Result<Exit, CliEr
         || document(&remote, &pulled, &missing, &foreign),
         || text(arguments, remote.name(), &pulled, &missing),
     )?;
+    // What others have signed may contain these stages.
+    if !missing.is_empty() && !foreign.untrusted.is_empty() {
+        let keys: Vec<String> = foreign.untrusted.keys().map(PublicKey::short).collect();
+        let error = CliError::failure(format!(
+            "{} did not fetch {}: records of untrusted keys are ignored",
+            remote.name(),
+            missing.join(", ")
+        ));
+        let trust = format!("to trust a key, add it to the keys of the remote: {}", keys.join(", "));
+        output.report(&error.help(trust));
+        return Ok(Exit::Failure);
+    }
     let are_records_sound = foreign.damaged().next().is_none() && remote.disagreements().is_empty();
     Ok(match pulled.failed.is_empty() && are_records_sound {
         true => Exit::Done,

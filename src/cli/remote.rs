@@ -53,6 +53,9 @@ struct AddArguments {
     /// The region [default: $AWS_REGION, from ~/.aws/config, or us-east-1]
     #[arg(long)]
     region: Option<String>,
+    /// Replace a remote of this name that has another address or other trusted keys
+    #[arg(long)]
+    replace: bool,
 }
 
 #[derive(Debug, Args)]
@@ -108,7 +111,7 @@ fn add(configuration: &Configuration, arguments: &AddArguments, output: &Output)
             }
         }
     }
-    configuration.add(&arguments.name, &address, &trusted)?;
+    configuration.add(&arguments.name, &address, &trusted, arguments.replace)?;
     let keys: Vec<Value> = trusted
         .iter()
         .map(|named| json!({ "key": named.key.to_string(), "whose": named.owner }))

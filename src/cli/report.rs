@@ -12,9 +12,12 @@ use super::job::extend;
 use super::locate;
 use super::neglected::neglected_effects;
 use super::progress::ProgressMode;
-use super::{CliError, Exit, Output, pipeline, write};
-use deaflow_orchestrator::{Environment, plan, plan_warnings};
-use deaflow_report::{PipelineHistory, RunArtifacts, StageArtifact, StageRecord, write_report};
+use super::{CliError, Exit, Output, pipeline, upstream, write};
+use deaflow_orchestrator::{Environment, Pipeline, plan, plan_warnings};
+use deaflow_report::{
+    PipelineHistory, RunArtifacts, StageArtifact, StageRecord, set_options, shell_word, write_report,
+};
+use deaflow_store::{Condition, Effort, Store};
 
 /// Write a report of a pipeline: a page with all designs, and the designs as files
 #[derive(Debug, Args)]
@@ -66,7 +69,7 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
         stages: &made,
         rounds: &pipeline.rounds,
     };
-    check(&history, arguments)?;
+    check(&history, arguments, &pipeline, &store)?;
     // The design is selected, and all files are checked, before one is written.
     let sheet = arguments.sheet.as_deref();
     let sheet = sheet.map(|file| sheet::PreparedSheet::make(file, arguments, &pipeline, &artifacts, &history));
@@ -127,7 +130,12 @@ fn made_by(stage: &StageRecord) -> Option<StageArtifact> {
 }
 
 /// Refuses missing stages, unless a partial report was requested.
-fn check(history: &PipelineHistory, arguments: &ReportArguments) -> Result<(), CliError> {
+fn check(
+    history: &PipelineHistory,
+    arguments: &ReportArguments,
+    pipeline: &Pipeline,
+    store: &Store,
+) -> Result<(), CliError> {
     let named = |stage: &&StageRecord| match &stage.why {
         Some(why) if why.starts_with("artifact") || why.starts_with("removed") => format!("{} ({why})", stage.name),
         _ => stage.name.clone(),
@@ -141,11 +149,15 @@ fn check(history: &PipelineHistory, arguments: &ReportArguments) -> Result<(), C
         .until
         .as_ref()
         .map_or_else(String::new, |stage| format!(" --until {stage}"));
-    let sets: String = arguments.set.sets.iter().map(|set| format!(" --set '{set}'")).collect();
+    let sets = set_options(&history.overrides);
     let build = format!(
         "build them with: deaflow run {}{until}{sets}",
         arguments.pipeline.display()
     );
+    let build = match pull(history, pipeline, store, arguments)? {
+        Some(pull) => format!("fetch them with: {pull}; or {build}"),
+        None => build,
+    };
     let path = arguments.pipeline.display();
     let message = match of == all {
         true if missing.iter().any(|name| name.contains("removed by gc")) => {
@@ -161,4 +173,38 @@ fn check(history: &PipelineHistory, arguments: &ReportArguments) -> Result<(), C
         true => build,
         false => format!("{build}; or report the built stages with --partial"),
     }))
+}
+
+/// Returns the command that fetches the missing stages, if the last run of the pipeline had a result that is not in this
+/// store: it was on a remote.
+fn pull(
+    history: &PipelineHistory,
+    pipeline: &Pipeline,
+    store: &Store,
+    arguments: &ReportArguments,
+) -> Result<Option<String>, CliError> {
+    let mut own = store.runs_of(store.runs()?, &pipeline.file(), &pipeline.name);
+    let Some(last) = own
+        .next()
+        .transpose()?
+        .filter(|run| run.overrides == pipeline.overrides)
+    else {
+        return Ok(None);
+    };
+    for missing in history.missing() {
+        let Some(made) = last.stage(&missing.name) else {
+            continue;
+        };
+        let is_missing = matches!(store.inspect(&made.artifact, Effort::Quick)?, Condition::Missing);
+        if is_missing && store.removal_of(&made.artifact)?.is_none() {
+            let option = |name: &str, value: String| format!(" --{name} {}", shell_word(&value));
+            let until = arguments.until.iter().map(|stage| option("until", stage.clone()));
+            let given = arguments.store.given().into_iter();
+            let given = given.map(|folder| option("store", folder.display().to_string()));
+            let words: String = until.chain(given).collect();
+            let (path, sets) = (shell_word(&history.path), set_options(&history.overrides));
+            return Ok(upstream::pull_command(&format!("{path}{sets}{words}")));
+        }
+    }
+    Ok(None)
 }

@@ -1,6 +1,7 @@
 //! The user's configuration of remotes: `remotes/NAME.yaml` and `remotes/NAME.pub` in the configuration folder, and the
 //! private key `signing.key`. Pipelines cannot add trusted keys.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -176,20 +177,25 @@ impl Configuration {
         self.remotes().join(format!("{name}.pub"))
     }
 
-    /// Adds a remote.
+    /// Adds a remote, or replaces the one of that name if `replace`.
     ///
     /// # Errors
-    /// Returns an error if the name is invalid, another remote has that name, or a file cannot be written.
-    pub fn add(&self, name: &str, address: &Address, trusted: &[TrustedKey]) -> Result<(), RemoteError> {
+    /// Returns an error if the name is invalid, a remote of that name has another address or other trusted keys and is
+    /// not to be replaced, or a file cannot be written.
+    pub fn add(&self, name: &str, address: &Address, trusted: &[TrustedKey], replace: bool) -> Result<(), RemoteError> {
         check_name(name)?;
-        if let Some(there) = self.find(name)?
-            && there.address != *address
-        {
-            return Err(
-                InputError::new(format!("remote `{name}` exists already, at {}", there.address.url()))
-                    .help(format!("run `deaflow remote remove {name}`, or choose another name"))
-                    .into(),
-            );
+        if !replace && let Some(there) = self.find(name)? {
+            let keys = |all: &[TrustedKey]| all.iter().map(|one| one.key).collect::<BTreeSet<_>>();
+            let differs = match there.address != *address {
+                true => Some(format!("at {}", there.address.url())),
+                false if keys(&there.trusted) != keys(trusted) => Some("with other trusted keys".to_owned()),
+                false => None,
+            };
+            if let Some(differs) = differs {
+                return Err(InputError::new(format!("remote `{name}` exists already, {differs}"))
+                    .help("replace it with --replace, or choose another name")
+                    .into());
+            }
         }
         self.create_folder()?;
         let mut text = format!("version: 1\nurl: \"{}\"\n", address.url());
@@ -335,17 +341,29 @@ mod tests {
             owner: "anna".to_owned(),
         };
         configuration
-            .add("lab", &address, std::slice::from_ref(&named))
+            .add("lab", &address, std::slice::from_ref(&named), false)
             .unwrap();
         configuration
-            .add("lab", &address, std::slice::from_ref(&named))
+            .add("lab", &address, std::slice::from_ref(&named), false)
             .unwrap();
         let found = configuration.find("lab").unwrap().unwrap();
         assert_eq!((found.address, found.trusted), (address.clone(), vec![named.clone()]));
         assert_eq!(configuration.names().unwrap(), ["lab"]);
         let other = Address::parse("s3://other", None, None).unwrap();
-        assert!(configuration.add("lab", &other, std::slice::from_ref(&named)).is_err());
-        assert!(configuration.add("a/b", &other, &[named]).is_err());
+        assert!(
+            configuration
+                .add("lab", &other, std::slice::from_ref(&named), false)
+                .is_err()
+        );
+        assert!(
+            configuration
+                .add("a/b", &other, std::slice::from_ref(&named), true)
+                .is_err()
+        );
+        // Other trusted keys and another address replace it if that is asked for.
+        assert!(configuration.add("lab", &address, &[], false).is_err());
+        configuration.add("lab", &other, &[named], true).unwrap();
+        assert_eq!(configuration.find("lab").unwrap().unwrap().address, other);
         assert!(configuration.remove("lab").unwrap() && !configuration.remove("lab").unwrap());
     }
 }

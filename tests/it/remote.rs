@@ -140,12 +140,17 @@ fn key(workspace: &Workspace, who: &str) {
 
 /// Somebody adds the remote, trusting some others.
 fn add(workspace: &Workspace, who: &str, server: &Server, trusted: &[&str]) {
+    let added = try_to_add(workspace, who, server, trusted, &[]);
+    assert_eq!(added.code, Some(0), "{}", added.stderr);
+}
+
+fn try_to_add(workspace: &Workspace, who: &str, server: &Server, trusted: &[&str], more: &[&str]) -> Ended {
     let files: Vec<String> = trusted.iter().map(|name| format!("{name}.pub")).collect();
     let (url, endpoint) = ("s3://lab/a/store", server.endpoint());
     let mut arguments = vec!["remote", "add", "lab", url, "--endpoint", &endpoint];
     arguments.extend(files.iter().flat_map(|file| ["--key", file.as_str()]));
-    let added = run(workspace, who, &arguments);
-    assert_eq!(added.code, Some(0), "{}", added.stderr);
+    arguments.extend(more);
+    run(workspace, who, &arguments)
 }
 
 /// A server, and Anna who has run `small.yaml` in the store `a` and pushed it.
@@ -185,6 +190,27 @@ fn other_machines_reuse_what_one_has_built() {
         (&0.into(), 4)
     );
     assert!(files(&workspace.path("b/objects")).is_empty());
+    // What is on the remote only is fetched next: it is in no report, and nothing can show it.
+    let ran = run(
+        &workspace,
+        "ben",
+        &["run", "small.yaml", "--remote", "lab", "--store", "b"],
+    );
+    let next = "next: deaflow pull small.yaml --store b --remote lab";
+    assert!(ran.code == Some(0) && ran.stdout.contains(next), "{ran}");
+    for (arguments, told) in [
+        (
+            &["report", "small.yaml", "-o", "out", "--store", "b"][..],
+            "deaflow pull small.yaml --store b --remote lab",
+        ),
+        (
+            &["show", "solved", "--store", "b"],
+            "deaflow pull PIPELINE.yaml --remote lab",
+        ),
+    ] {
+        let ended = run(&workspace, "ben", arguments);
+        assert!(ended.code != Some(0) && ended.stderr.contains(told), "{ended}");
+    }
     let plan = through(&workspace, "ben", ("plan", "b"), &[]);
     assert_eq!(stages_of(&plan).with("reused").len(), 4);
 
@@ -239,6 +265,16 @@ fn write_access_to_the_bucket_is_not_enough_to_change_results() {
         assert!(server.ask("PUT", name, &bytes).starts_with("HTTP/1.1 200"));
     }
 
+    // Who trusts neither gets nothing, and is told why.
+    key(&workspace, "dora");
+    add(&workspace, "dora", &server, &["dora"]);
+    let pulled = run(&workspace, "dora", &["pull", "small.yaml", "--store", "x"]);
+    assert_eq!(pulled.code, Some(1), "{pulled}");
+    assert!(
+        pulled.stderr.contains("records of untrusted keys are ignored"),
+        "{pulled}"
+    );
+
     let pulled = run(&workspace, "ben", &["pull", "--store", "b"]);
     assert_eq!(pulled.code, Some(1), "{}", pulled.stderr);
     let text = pulled.stderr.clone() + &pulled.stdout;
@@ -266,7 +302,11 @@ fn write_access_to_the_bucket_is_not_enough_to_change_results() {
     let pulled = document(&workspace, "ben", &["pull", "--store", "b"], 0);
     assert_eq!(pulled["left"], serde_json::json!([]));
     // Ben trusts Eve as well now: both say the same.
-    add(&workspace, "ben", &server, &["anna", "eve"]);
+    let refused = try_to_add(&workspace, "ben", &server, &["anna", "eve"], &[]);
+    assert_eq!(refused.code, Some(2), "{}", refused.stdout);
+    assert!(refused.stderr.contains("with other trusted keys"), "{}", refused.stderr);
+    let replaced = try_to_add(&workspace, "ben", &server, &["anna", "eve"], &["--replace"]);
+    assert_eq!(replaced.code, Some(0), "{}", replaced.stderr);
     let pulled = document(&workspace, "ben", &["pull", "--store", "d"], 0);
     assert_eq!(pulled["passed_over"]["untrusted"], serde_json::json!([]));
     assert_eq!(pulled["passed_over"]["disagreements"], serde_json::json!([]));
