@@ -27,7 +27,9 @@ use deaflow_stage::measured::{
 pub struct CompareArguments {
     /// The scene: a YAML file of a scene, or of a pipeline that has one
     pub scene: PathBuf,
-    /// A list of measured files in YAML, with what is known about each
+    /// A list of measured files in YAML, with what is known about each, as in
+    /// `files: [{ file: x.csv, test: voltage-displacement, pattern: mine.csv, point: [25 mm, 25 mm], direction: 0 deg }]`;
+    /// tables alone are not read
     #[arg(value_name = "MEASURED.yaml")]
     list: PathBuf,
     /// Override a value of the scene, such as material.shear_modulus="40 kPa"

@@ -11,9 +11,10 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::CliError;
+use super::commands::command_line;
 use super::text::{Text, lines};
 use super::tone::{Screen, Tone};
-use deaflow_base::{printable, printable_json};
+use deaflow_base::{nearest, printable, printable_json};
 
 /// How a command ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -222,12 +223,32 @@ fn of_arguments(error: &clap::Error) -> CliError {
         ContextValue::Strings(several) => several.last().cloned(),
         _ => None,
     });
+    let near = near.or_else(|| near_command(error));
     let usage = paragraphs.find_map(|paragraph| paragraph.strip_prefix("Usage: "));
     match (near, usage) {
         (Some(near), _) => found.help(format!("did you mean `{near}`?")),
         (None, Some(usage)) => found.help(format!("usage: {}", usage.trim())),
         (None, None) => found,
     }
+}
+
+/// The command that is nearest to an unknown one; clap finds none for words as short as `rnu`.
+fn near_command(error: &clap::Error) -> Option<String> {
+    let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidSubcommand) else {
+        return None;
+    };
+    let command = command_line();
+    let usage = error.get(ContextKind::Usage)?.to_string();
+    // The last command that the usage names: `Usage: deaflow export <COMMAND>`.
+    let parent = usage
+        .split_whitespace()
+        .filter_map(|word| command.find_subcommand(word))
+        .last();
+    let names = parent
+        .unwrap_or(&command)
+        .get_subcommands()
+        .map(clap::Command::get_name);
+    nearest(word, &names.collect::<Vec<_>>()).map(str::to_owned)
 }
 
 /// The reason why the current folder cannot be used as the pipeline that was not given, if that is the error.

@@ -372,7 +372,10 @@ pub fn line(event: &Event) -> Option<String> {
                 0..=MAX_REASONS => reasons.join("; "),
                 n => format!("{}; and {} more", reasons[..MAX_REASONS].join("; "), n - MAX_REASONS),
             };
-            format!("{name}: {} to do ({why}){price}", table::counted(*steps, unit))
+            match steps {
+                0 => format!("{name}: all chunks are reused"),
+                steps => format!("{name}: {} to do ({why}){price}", table::counted(*steps, unit)),
+            }
         }
         Event::StageReused(report)
         | Event::StageFinished(report)
@@ -431,6 +434,24 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use deaflow_orchestrator::Staleness;
+
+    #[test]
+    fn a_stage_whose_chunks_are_all_reused_has_nothing_to_do() {
+        let started = |steps: u64| {
+            line(&Event::StageStarted {
+                name: "solved@r=6mm".to_owned(),
+                kind: "solve".to_owned(),
+                steps,
+                unit: "patterns",
+                why: Staleness::NoRecord,
+                reasons: vec!["not built yet".to_owned()],
+                price: None,
+            })
+        };
+        assert_eq!(started(0).unwrap(), "solved@r=6mm: all chunks are reused");
+        assert_eq!(started(2).unwrap(), "solved@r=6mm: 2 patterns to do (not built yet)");
+    }
 
     fn state(name: &str, note: &str) -> BarState {
         let mut pace = Pace::new(40, None);

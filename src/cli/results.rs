@@ -171,7 +171,7 @@ impl SampleResult {
 
     /// The outcome for people, with the doubt that a finer mesh leaves.
     fn outcome_text(&self) -> String {
-        let name = self.outcome.name();
+        let name = spoken(self.outcome.name());
         match self.near_limit {
             Some(_) => format!("{name} (near the limit)"),
             None => name.to_owned(),
@@ -188,6 +188,14 @@ impl SampleResult {
     /// The fraction of the membrane that would wrinkle, if any.
     fn wrinkled(&self) -> Option<f64> {
         self.wrinkled_fraction.filter(|fraction| *fraction > 0.0)
+    }
+}
+
+/// Returns the word of files for an outcome or the end of a path as people read it.
+pub fn spoken(word: &str) -> &str {
+    match word {
+        "not-elliptic" => "loss of stability (not elliptic)",
+        word => word,
     }
 }
 

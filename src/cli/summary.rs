@@ -28,12 +28,15 @@ pub fn add_results(text: &mut Text, pipeline: &str, outcome: &RunOutcome, (found
 
 /// Adds the warnings, a line each, and the number of those about samples, which matter less than those about designs.
 pub fn add_warnings(text: &mut Text, results: &RunResults, of_samples: &[String]) {
-    for warning in results.warnings().filter(|warning| !of_samples.contains(warning)) {
-        text.line(format!("warning: {warning}"));
-    }
+    let others = results.warnings().filter(|warning| !of_samples.contains(warning));
+    let others: Vec<String> = others.map(|warning| format!("warning: {warning}")).collect();
+    others.iter().for_each(|line| {
+        text.line(line);
+    });
     if !of_samples.is_empty() {
+        let and = if others.is_empty() { "" } else { "and " };
         let warnings = table::counted(of_samples.len() as u64, "warnings");
-        text.line(format!("and {warnings} about patterns of the dataset; -v prints all"));
+        text.line(format!("{and}{warnings} about patterns of the dataset; -v prints all"));
     }
 }
 

@@ -16,7 +16,9 @@ use deaflow_fem::screening::resolve;
 use deaflow_field::{Mesh, Order};
 use deaflow_pattern::{DrawingOptions, Pattern};
 use deaflow_stage::direct;
-use deaflow_tolerance::{Device, Estimate, Failure, MOST_SAMPLES, Quantile, Source, Study, ToleranceError, Yield};
+use deaflow_tolerance::{
+    Device, Estimate, Failure, MOST_SAMPLES, Quantile, Source, Study, ToleranceError, Yield, share_within,
+};
 
 /// Shares of the variance below this are not listed for people.
 const LISTED: f64 = 0.005;
@@ -263,12 +265,18 @@ fn text(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Text {
     for one in found {
         let result = &one.result;
         let listed = result.shares.iter().filter(|(_, share)| *share >= LISTED);
+        let devices = result.samples - result.failed();
+        let within = listed.clone().map(|(_, share)| share_within(*share, devices));
+        let within = percent(within.fold(0.0, f64::max));
         let shares: Vec<String> = listed
             .map(|(source, share)| format!("{} {}", source.label(), percent(*share)))
             .collect();
         let variance = match shares.is_empty() {
             true => String::new(),
-            false => format!("; the variance is that of {}", shares.join(", ")),
+            false => format!(
+                "; the variance is that of {} (estimates, each within {within})",
+                shares.join(", ")
+            ),
         };
         text.line(format!("{}: {} devices{variance}", one.file, result.samples));
         if arguments.within.is_some_and(|within| half_width(result) > within) {

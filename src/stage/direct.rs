@@ -202,6 +202,14 @@ pub fn read_scene_with(path: &Path, changes: Changes<'_>) -> Result<ReadScene, I
     let others = splice_scene(&mut root, path, sets, crate::scene::complete)?;
     others.iter().try_for_each(|set| set.apply(&mut root))?;
     if let Some(voltage) = changes.voltage {
+        let is_voltage = |set: &&String| {
+            let path = set.split_once('=').map_or("", |(path, _)| path.trim());
+            path.strip_prefix("scene.").unwrap_or(path) == "drive.voltage"
+        };
+        if let Some(set) = changes.sets.iter().find(is_voltage) {
+            return Err(InputError::new("the voltage is given twice")
+                .help(format!("remove --voltage {voltage:?} or --set {set:?}")));
+        }
         let path = if is_pipeline {
             "scene.drive.voltage"
         } else {

@@ -17,5 +17,5 @@ mod tests;
 pub use device::Source;
 pub use error::ToleranceError;
 pub use sampling::MOST_SAMPLES;
-pub use statistics::{Estimate, Quantile, Yield};
+pub use statistics::{Estimate, Quantile, Yield, share_within};
 pub use study::{CONVERGED, Device, Failure, Study, check_tolerances};

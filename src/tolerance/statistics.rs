@@ -191,6 +191,15 @@ fn quantile(sorted: &[f64], probability: f64) -> Quantile {
     }
 }
 
+/// Returns half the interval of 95 % of a share R² of the variance from independent devices, for many of them: the
+/// variance of the estimate is 4R²(1 − R²)²/n (Olkin and Finn, Psychological Bulletin 118 (1995) 155). Estimates of
+/// several shares may sum to more than 1.
+#[must_use]
+pub fn share_within(share: f64, devices: usize) -> f64 {
+    const NORMAL: f64 = 1.96;
+    NORMAL * 2.0 * share.sqrt() * (1.0 - share) / (devices as f64).sqrt()
+}
+
 /// Returns the share of the variance that each deviation explains by itself, by a cubic regression.
 fn shares(devices: &[Device], varying: &[Source]) -> Vec<(Source, f64)> {
     let known: Vec<(&Device, f64)> = devices

@@ -82,6 +82,30 @@ fn a_new_project_is_complete_and_nothing_is_replaced() {
 }
 
 #[test]
+fn a_misspelt_command_or_folder_gets_a_suggestion() {
+    let workspace = Workspace::new();
+    fs::create_dir(workspace.path("pipelines")).unwrap();
+    workspace.write("pipelines/small.yaml", SMALL);
+    for (arguments, near) in [
+        (&["rnu"][..], "did you mean `run`?"),
+        (&["export", "desgn"], "did you mean `design`?"),
+        (&["run", "pipelins/small.yaml"], "did you mean pipelines/small.yaml?"),
+        (&["run", "pipelins/smal.yaml"], "did you mean pipelines/small.yaml?"),
+        (&["run", "pipelines/smal.yaml"], "did you mean pipelines/small.yaml?"),
+    ] {
+        let ended = workspace.run(arguments);
+        assert_eq!(ended.code, Some(2), "{arguments:?}: {}", ended.stdout);
+        assert!(ended.stderr.contains(near), "{arguments:?}: {}", ended.stderr);
+    }
+    let ended = workspace.run(&["run", "elsewhere/small.yaml"]);
+    assert!(
+        ended.code == Some(2) && !ended.stderr.contains("did you mean"),
+        "{}",
+        ended.stderr
+    );
+}
+
+#[test]
 fn a_project_can_be_created_in_the_current_folder() {
     let workspace = Workspace::new();
     fs::create_dir(workspace.path("grip")).unwrap();

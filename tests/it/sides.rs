@@ -448,3 +448,32 @@ fn networks_learn_strokes_of_strips_and_design_them() {
         assert!(ended.stderr.contains(expected), "{set}: {}", ended.stderr);
     }
 }
+
+#[test]
+fn a_mass_without_a_load_is_said_to_do_nothing_in_an_equilibrium() {
+    let workspace = Workspace::new();
+    let scene = |bar: &str| {
+        format!(
+            "geometry: {{ size: [40 mm, 20 mm], thickness: 1 mm, prestretch: 2, cells: [20, 10], sides: \
+             {{ right: {{ bar: {{ {bar} }} }}, top: free, bottom: free }} }}\n\
+             material: {{ model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }}\n\
+             drive: {{ voltage: 2 kV }}\neffects: {{}}\n"
+        )
+    };
+    let ones = format!("{}\n", vec!["1"; 20].join(",")).repeat(10);
+    workspace.write("ones.csv", &ones);
+    let masses = |bar: &str| {
+        workspace.write("scene.yaml", &scene(bar));
+        let ended = workspace.run(&["solve", "scene.yaml", "ones.csv", "--json"]);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        let warnings = ended.json()["warnings"].as_array().unwrap().clone();
+        let warnings = warnings
+            .into_iter()
+            .filter(|warning| warning.to_string().contains("the mass"));
+        warnings.collect::<Vec<_>>()
+    };
+    let told =
+        "the mass of the bar on the right side does not act in an equilibrium: 20.00 g weigh 0.1962 N; write `load`";
+    assert_eq!(masses("mass: 20 g, spring: 20 N/m"), [told]);
+    assert_eq!(masses("mass: 20 g, load: [0.2 N, 0 N]"), Vec::<Value>::new());
+}

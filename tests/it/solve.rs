@@ -664,3 +664,33 @@ fn the_critical_voltage_is_reported_with_the_elements() {
         screened.stdout
     );
 }
+
+#[test]
+fn a_voltage_that_is_given_twice_is_refused() {
+    let workspace = workspace("4 kV");
+    workspace.write("half.csv", &csv(|x, _| x < 25));
+    let solve = ["solve", "scene.yaml", "half.csv", "--no-checks", "--voltage", "4kV"];
+    for set in ["drive.voltage=3kV", "scene.drive.voltage = 3 kV"] {
+        let ended = workspace.run(&[&solve[..], &["--set", set]].concat());
+        assert_eq!(ended.code, Some(2), "{}", ended.stdout);
+        assert!(ended.stderr.contains("the voltage is given twice"), "{}", ended.stderr);
+    }
+    let ended = workspace.run(&[&solve[..], &["--set", "geometry.thickness=1.1 mm"]].concat());
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+}
+
+#[test]
+fn effects_without_data_are_said_to_be_unchecked() {
+    let workspace = workspace("4 kV");
+    workspace.write("half.csv", &csv(|x, _| x < 25));
+    let line = "not checked, no data: strain stiffening, electrode stiffness, stretch dependent permittivity";
+    let warnings = |more: &[&str]| {
+        let ended = workspace.run(&[&["solve", "scene.yaml", "half.csv", "--json"], more].concat());
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        ended.json()["warnings"].as_array().unwrap().clone()
+    };
+    assert!(warnings(&[]).contains(&line.into()));
+    let known = "properties={ strain_stiffening: { model: gent, jm: 120 } }";
+    assert!(warnings(&["--set", known]).contains(&line.replace("strain stiffening, ", "").into()));
+    assert_eq!(warnings(&["--no-checks"]), Vec::<serde_json::Value>::new());
+}

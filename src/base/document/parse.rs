@@ -73,13 +73,31 @@ impl Document {
     }
 }
 
-/// Returns the YAML file in the same folder whose name is most similar to a missing one.
+/// Returns the YAML file in the same folder whose name is most similar to a missing one; if the folder is missing, the
+/// file in the most similar folder beside it that has one.
 fn similar_file(path: &Path) -> Option<PathBuf> {
+    let folder = folder_of(path);
+    let is_yaml = |name: &str| name.ends_with(".yaml") || name.ends_with(".yml");
+    if folder.is_dir() {
+        return similar_entry(path, |name, _| is_yaml(name));
+    }
+    let other = similar_entry(folder, |_, path| path.is_dir())?.join(path.file_name()?);
+    match other.is_file() {
+        true => Some(other),
+        false => similar_entry(&other, |name, _| is_yaml(name)),
+    }
+}
+
+/// Returns the entry beside a missing one whose name is most similar, of those that `is_candidate` accepts by name and
+/// path.
+fn similar_entry(path: &Path, is_candidate: impl Fn(&str, &Path) -> bool) -> Option<PathBuf> {
     let entries = std::fs::read_dir(folder_of(path)).ok()?.take(MAX_COMPARED_FILES);
-    let names: Vec<String> = entries
-        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
-        .filter(|name| name.ends_with(".yaml") || name.ends_with(".yml"))
-        .collect();
+    let names = entries.filter_map(|entry| {
+        let entry = entry.ok()?;
+        let name = entry.file_name().into_string().ok()?;
+        is_candidate(&name, &entry.path()).then_some(name)
+    });
+    let names: Vec<String> = names.collect();
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
     let name = nearest(path.file_name()?.to_str()?, &names)?;
     Some(path.with_file_name(name))

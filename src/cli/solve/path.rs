@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::simulation::{Computation, Form, PatternSolver, Simulation, States};
 use super::{SolveArguments, inflation_path};
 use crate::job::{Attachments, JobResult, extend};
-use crate::results::with_error;
+use crate::results::{spoken, with_error};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
 use deaflow_base::four_digits;
@@ -357,10 +357,10 @@ fn overview(paths: &[PatternPath], controlled: &Controlled) -> table::Table {
         let or_dash = |text: Option<String>| text.unwrap_or_else(|| "-".to_owned());
         let mut row = vec![
             index.to_string(),
-            limit.map_or("none", |limit| limit.kind.name()).to_owned(),
+            limit.map_or("none", |limit| spoken(limit.kind.name())).to_owned(),
             or_dash(on_mesh),
             path.points.len().to_string(),
-            path.end.name().to_owned(),
+            spoken(path.end.name()).to_owned(),
         ];
         if parameter == PathParameter::Voltage {
             row.insert(2, or_dash(critical.map(|critical| with_error(&critical))));

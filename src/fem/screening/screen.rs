@@ -6,8 +6,9 @@ use super::row::{Judgement, Row, Warning};
 use super::test_pattern::TestPattern;
 use crate::effects::{DISPLACED, EFFECTS, Effect, Examined, SMALL, Significance, Solutions, Verdict};
 use crate::{SetupError, WorkLimit};
+use deaflow_base::four_significant;
 use deaflow_scene::effects::names;
-use deaflow_scene::{Effects, Scene};
+use deaflow_scene::{Bar, Edge, Effects, Scene, Sides};
 
 /// Share of the work for a pattern that its comparisons may take; the rest is for its solution and critical voltage.
 const COMPARING: f64 = 0.5;
@@ -47,8 +48,25 @@ impl Screening {
         let keys = ignored.into_iter().filter(|(_, is_set)| *is_set);
         let keys = keys.map(|(key, _)| format!("an equilibrium ignores the drive's `{key}`"));
         let rows = self.rows.iter().filter_map(Row::to_equilibrium_warning);
-        keys.chain(Warning::merged(rows)).collect()
+        keys.chain(masses(&self.scene)).chain(Warning::merged(rows)).collect()
     }
+}
+
+/// Warns of bars with a mass and without a load, which is what a weight is in an equilibrium.
+fn masses(scene: &Scene) -> Vec<String> {
+    const GRAVITY: f64 = 9.81;
+    let bars = scene.geometry.sides.iter().flat_map(Sides::bars);
+    let idle = bars.filter(|(_, bar)| bar.mass_kg() > 0.0 && bar.load_n() == [0.0; 2]);
+    let warning = |(edge, bar): (Edge, &Bar)| {
+        let (grams, newtons) = (1e3 * bar.mass_kg(), GRAVITY * bar.mass_kg());
+        format!(
+            "the mass of the bar on the {} side does not act in an equilibrium: {} g weigh {} N; write `load`",
+            edge.name(),
+            four_significant(grams),
+            four_significant(newtons)
+        )
+    };
+    idle.map(warning).collect()
 }
 
 /// Screens a scene for all effects with some patterns.

@@ -229,7 +229,13 @@ fn columns(design: &Design, points: usize) -> Vec<String> {
 /// Returns the voltages of the rows in kV; those of states with their names, and none if the charge is prescribed.
 fn first_column(design: &Design) -> Vec<String> {
     let drive = &design.scene.drive;
-    let parts = |volts: f64, rows: usize| (1..=rows).map(move |k| number(1e-3 * volts * k as f64 / rows as f64, 6));
+    let parts = |volts: f64, rows: usize| {
+        let (largest, step) = (1e-3 * volts, 1e-3 * volts / rows as f64);
+        (1..=rows).map(move |k| match k == rows {
+            true => number(largest, 6),
+            false => number(k as f64 * step, digits(step)),
+        })
+    };
     let states = design.scene.states.iter();
     match (drive.charge.is_some(), states.len()) {
         (true, _) => vec![String::new(); ROWS],
@@ -242,6 +248,13 @@ fn first_column(design: &Design) -> Vec<String> {
             named.take(ROWS).collect()
         }
     }
+}
+
+/// Returns the decimal digits of voltages in kV at such steps: two, and more where these would change a step by more than
+/// a twentieth.
+fn digits(step: f64) -> usize {
+    let coarse = |digits: &usize| 0.5 * 10_f64.powi(-(*digits as i32)) > 0.05 * step;
+    (2..6).find(|digits| !coarse(digits)).unwrap_or(6)
 }
 
 /// Says why no file of deaflow takes the numbers; `None` if there is one.

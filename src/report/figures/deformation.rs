@@ -62,7 +62,7 @@ pub fn deformation_charts(families: &[FamilyDeformation]) -> Result<Vec<Chart>, 
         let x = Axis::linear("Largest displacement [mm]", 0.0, top);
         let y = Axis::counts("Samples per bin", &counts);
         let bars = Series::bars("", Colour::Sky, &edges, &counts);
-        Chart::new(family.family.clone(), [x, y], vec![bars]).with_note(family.numbers())
+        Chart::new(format!("Histogram of {}", family.family), [x, y], vec![bars]).with_note(family.numbers())
     };
     Ok(families.iter().map(chart).collect())
 }
@@ -89,7 +89,7 @@ mod tests {
         };
         let chart = &deformation_charts(&[family]).unwrap()[0];
         let title = format!("{}: {}", chart.title, chart.note);
-        assert_eq!(title, "bezier: 4 samples, 1.50 to 2.00 mm, mean 1.80 mm");
+        assert_eq!(title, "Histogram of bezier: 4 samples, 1.50 to 2.00 mm, mean 1.80 mm");
     }
 
     #[test]

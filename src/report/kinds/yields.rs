@@ -15,7 +15,7 @@ use crate::presenter::{Figures, Headline, Presenter, Results};
 use crate::summary::design_title;
 use deaflow_content::{DesignDevices, Yields};
 use deaflow_pattern::Role;
-use deaflow_tolerance::{Device, Estimate, Quantile, Source, Yield};
+use deaflow_tolerance::{Device, Estimate, Quantile, Source, Yield, share_within};
 
 /// Presents yield stages.
 pub struct YieldPresenter;
@@ -219,9 +219,12 @@ impl OfDesign {
             parts.push(self.spread());
         }
         parts.extend(self.as_drawn_mm.map(|drawn| format!("as drawn {} mm", mm(drawn))));
+        let listed = self.ordered.iter().filter(|(_, share)| *share >= LISTED);
+        let within = listed.map(|(_, share)| share_within(*share, self.displacements.len()));
+        let within = percents(within.fold(0.0, f64::max));
         parts.extend(
             self.decisive()
-                .map(|shares| format!("the variance is that of {shares}")),
+                .map(|shares| format!("the variance is that of {shares} (estimates, each within {within})")),
         );
         parts.extend(self.described.iter().cloned());
         format!("{}: {}", self.title, parts.join("; "))
