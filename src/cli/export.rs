@@ -26,7 +26,7 @@ pub enum Exported {
     /// Export a pipeline with all its results as a research object (Workflow Run RO-Crate)
     Crate(research_object::ExportCrateArguments),
     /// Export a design as a mask (svg, dxf, gerber, png, csv) or a deformed membrane
-    Design(design::ExportDesignArguments),
+    Design(Box<design::ExportDesignArguments>),
     /// Export a trained model as a safetensors or ONNX file
     Model(model::ExportModelArguments),
     /// Export the scene of an artifact, such as a fitted one

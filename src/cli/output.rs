@@ -243,7 +243,7 @@ fn near_command(error: &clap::Error) -> Option<String> {
     let parent = usage
         .split_whitespace()
         .filter_map(|word| command.find_subcommand(word))
-        .last();
+        .next_back();
     let names = parent
         .unwrap_or(&command)
         .get_subcommands()

@@ -455,7 +455,11 @@ fn how_far_patterns_move_is_a_table_of_few_and_numbers_of_many() {
             .collect::<Vec<_>>()
     };
     assert_eq!(row(1), ["1", "bare.csv", "converged", "0", "mm", "-"]);
-    assert!(row(0)[2] != "converged" && row(0)[3..] == ["-", "-"], "{:?}", row(0));
+    assert!(
+        row(0)[2] != "converged" && row(0).ends_with(&["-", "-"]),
+        "{:?}",
+        row(0)
+    );
 
     let moved = [
         &["solve", "scene.yaml", "half.csv", "dot.csv"][..],
