@@ -24,6 +24,8 @@ const GAPS: [usize; 2] = [3, 2];
 pub struct Table {
     columns: Vec<Column>,
     rows: Vec<Vec<Cell>>,
+    /// The width without a terminal, if rows may have several lines there.
+    piped_width: Option<usize>,
 }
 
 #[derive(Clone, Debug)]
@@ -69,6 +71,7 @@ pub fn table(header: &[&str], numbers: &[&str]) -> Table {
     Table {
         columns: header.iter().map(column).collect(),
         rows: Vec::new(),
+        piped_width: None,
     }
 }
 
@@ -96,6 +99,15 @@ impl Table {
         self
     }
 
+    /// Limits the width without a terminal, for tables whose values are too long for a line: texts that may wrap are
+    /// below their row. Such tables have another form for scripts.
+    pub fn at_most(self, width: usize) -> Self {
+        Self {
+            piped_width: Some(width),
+            ..self
+        }
+    }
+
     /// Adds a row.
     pub fn add_row<C: Into<Cell>>(&mut self, cells: impl IntoIterator<Item = C>) {
         self.rows.push(cells.into_iter().map(Into::into).collect());
@@ -103,9 +115,13 @@ impl Table {
 
     /// Formats the table, without a final line break. Without a terminal each row is one line, for scripts.
     pub fn show(&self, screen: Screen) -> String {
-        match screen.width {
-            None => self.unbroken().shown(screen),
-            Some(_) => self.shown(screen),
+        match (screen.width, self.piped_width) {
+            (None, None) => self.unbroken().shown(screen),
+            (None, Some(most)) => {
+                let width = Some(most);
+                self.shown_as(&self.piped_layout(most), Screen { width, ..screen })
+            }
+            (Some(_), _) => self.shown(screen),
         }
     }
 
@@ -118,27 +134,45 @@ impl Table {
         Self {
             columns: self.columns.clone(),
             rows: self.rows.iter().map(|row| row.iter().map(cell).collect()).collect(),
+            piped_width: self.piped_width,
         }
     }
 
     fn shown(&self, screen: Screen) -> String {
-        let layout = self.layout(screen.width);
+        self.shown_as(&self.layout(screen.width), screen)
+    }
+
+    fn shown_as(&self, layout: &Layout, screen: Screen) -> String {
         let most = screen.width.unwrap_or(usize::MAX);
         let long: usize = layout.inline.iter().map(|(_, width)| width).sum();
         let long = long + layout.gap * layout.inline.len().saturating_sub(1) + layout.gap - 1;
         let rule = |line: char| line.to_string().repeat(long.min(most));
         let titles: Vec<Cell> = self.columns.iter().map(|column| Cell::from(&column.title)).collect();
         let mut lines = vec![rule('─')];
-        lines.extend(above(&titles, &layout, most, screen));
-        lines.extend(self.lines(&titles, &layout, screen));
+        lines.extend(above(&titles, layout, most, screen));
+        lines.extend(self.lines(&titles, layout, screen));
         lines.push(rule('═'));
         for row in &self.rows {
-            lines.extend(above(row, &layout, most, screen));
-            lines.extend(self.lines(row, &layout, screen));
-            lines.extend(self.below(row, &layout, most, screen));
+            lines.extend(above(row, layout, most, screen));
+            lines.extend(self.lines(row, layout, screen));
+            lines.extend(self.below(row, layout, most, screen));
         }
         lines.push(rule('─'));
         lines.join("\n")
+    }
+
+    /// Returns the layout without a terminal. The widths of columns do not depend on wrapped texts, nor these on them.
+    fn piped_layout(&self, most: usize) -> Layout {
+        let (below, inline): (Vec<usize>, Vec<usize>) =
+            (0..self.columns.len()).partition(|at| self.columns[*at].is_wrapped);
+        match below.first() {
+            Some(0) | None => self.layout(Some(most)),
+            Some(_) => Layout {
+                inline: inline.into_iter().map(|at| (at, self.natural(at))).collect(),
+                below,
+                gap: GAPS[0],
+            },
+        }
     }
 
     fn natural(&self, column: usize) -> usize {

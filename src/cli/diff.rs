@@ -6,6 +6,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::arguments::{SetArguments, StoreArguments};
+use super::log::WIDTH;
 use super::snapshot::{Snapshot, SnapshotReader};
 use super::text::Text;
 use super::{CliError, Exit, Output, csv, locate, table};
@@ -187,7 +188,9 @@ fn text(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], result
             Some(_) => "shared parameters are identical; unknown ones are listed below",
         });
     } else {
-        let mut table = table::table(&["parameter", "from", "to"], &[]).flowing(&["parameter", "from", "to"]);
+        let mut table = table::table(&["parameter", "from", "to"], &[])
+            .flowing(&["parameter", "from", "to"])
+            .at_most(WIDTH);
         let shown = |value: &Option<Canonical>| value.as_ref().map_or_else(|| "–".to_owned(), Canonical::to_string);
         for (name, change) in together(parameters) {
             table.add_row([name, shown(&change.from), shown(&change.to)]);

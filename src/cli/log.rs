@@ -12,7 +12,7 @@ use super::snapshot::{Snapshot, SnapshotReader};
 use super::table::Cell;
 use super::text::Text;
 use super::tone::Tone;
-use super::{CliError, Exit, Output, csv, diff, locate, pipeline, table};
+use super::{CliError, Exit, Output, csv, diff, locate, pipeline, sweep, table};
 use deaflow_base::{Canonical, readable_time};
 use deaflow_orchestrator::file_of;
 use deaflow_report::{RemovedArtifacts, run_document};
@@ -204,7 +204,8 @@ fn text(runs: &[Run], changed: &[Vec<String>], more: bool, of_all: bool, removed
     }
     let mut table = table::table(&header, &["took"])
         .flowing(&["built and overrides", "results"])
-        .dispensable(&["host"]);
+        .dispensable(&["host"])
+        .at_most(WIDTH);
     for (at, run) in runs.iter().enumerate() {
         let tone = match (run.failures.is_empty(), run.stopped.is_empty()) {
             (true, true) => Tone::Plain,
@@ -236,9 +237,11 @@ fn text(runs: &[Run], changed: &[Vec<String>], more: bool, of_all: bool, removed
     text
 }
 
-/// Describes how the files of each run differ from those of the run before it, of the same pipeline. Overrides are left
-/// out, and
-/// so is the last listed run.
+/// The width of tables with long values where there is no terminal.
+pub const WIDTH: usize = 120;
+
+/// Describes how the files of each run differ from those of the run before it, of the same pipeline. What an override
+/// may have changed is left out, and so are the stage that a sweep adds and the last listed run.
 fn changed(runs: &[Run], store: &Store) -> Result<Vec<Vec<String>>, CliError> {
     let reader = SnapshotReader::new(store);
     let snapshots: Vec<Snapshot> = runs
@@ -253,16 +256,21 @@ fn changed(runs: &[Run], store: &Store) -> Result<Vec<Vec<String>>, CliError> {
         let Some(before) = (at + 1..runs.len()).find(is_same) else {
             return Vec::new();
         };
-        let is_set = |change: &diff::Change<Canonical>| {
-            let sets = runs[at].overrides.keys().chain(runs[before].overrides.keys());
-            sets.into_iter().any(|path| {
-                let rest = change.name.strip_prefix(path.as_str());
-                rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
-            })
-        };
+        let both = [&runs[at], &runs[before]];
+        let differing = |path: &&String| both[0].overrides.get(*path) != both[1].overrides.get(*path);
+        let sets: BTreeSet<&String> = both.iter().flat_map(|run| run.overrides.keys()).collect();
+        let sets: Vec<&String> = sets.into_iter().filter(differing).collect();
+        let is_set = |change: &diff::Change<Canonical>| sets.iter().any(|path| may_change(path, &change.name));
+        let added: Vec<String> = both
+            .iter()
+            .filter(|run| run.command == Command::Sweep)
+            .flat_map(|run| run.stages.iter().filter(|stage| sweep::is_added(stage)))
+            .map(|stage| format!("stages.{}.", stage.name))
+            .collect();
+        let is_added = |change: &diff::Change<Canonical>| added.iter().any(|start| change.name.starts_with(start));
         let mut changes = diff::parameters(&snapshots[before], &snapshots[at]);
         // A stage that one of them did not reach does not count.
-        changes.retain(|change| change.from.is_some() && change.to.is_some() && !is_set(change));
+        changes.retain(|change| change.from.is_some() && change.to.is_some() && !is_set(change) && !is_added(change));
         let text = |value: &Option<Canonical>| value.as_ref().map_or_else(String::new, Canonical::to_string);
         diff::together(&changes)
             .into_iter()
@@ -274,6 +282,28 @@ fn changed(runs: &[Run], store: &Store) -> Result<Vec<Vec<String>>, CliError> {
             .collect()
     };
     Ok((0..runs.len()).map(of).collect())
+}
+
+/// Whether an override may change a parameter: any of its stage, since parameters follow from others, or of its section
+/// of the scene.
+fn may_change(path: &str, parameter: &str) -> bool {
+    let is_at = |name: &str, start: &str| {
+        let rest = name.strip_prefix(start);
+        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '@']))
+    };
+    match path.split('.').collect::<Vec<_>>().as_slice() {
+        ["stages", stage, ..] => is_at(parameter, &format!("stages.{stage}")),
+        ["scene", rest @ ..] => {
+            let section = rest
+                .first()
+                .map_or("scene".to_owned(), |section| format!("scene.{section}"));
+            // Where stages have different values, each has its own.
+            let of_stage = parameter.strip_prefix("stages.").and_then(|rest| rest.find(".scene."));
+            let own = of_stage.map(|at| &parameter["stages.".len() + at + 1..]);
+            is_at(parameter, &section) || own.is_some_and(|own| is_at(own, &section))
+        }
+        _ => false,
+    }
 }
 
 /// Names the stages of two runs that differ in parameters which are not recorded any more; none if overrides explain
@@ -361,4 +391,26 @@ fn results(run: &Run) -> String {
         lines.push(format!("and {more} more"));
     }
     lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_override_may_change_its_stage_or_its_section_of_the_scene() {
+        for (path, parameter, expected) in [
+            ("stages.verified.elements_per_cell", "stages.verified.order", true),
+            ("stages.solved.foreach", "stages.solved@voltage=9kV.order", true),
+            ("stages.solve.order", "stages.solved.order", false),
+            ("scene.drive.voltage", "scene.drive.voltages", true),
+            ("scene.drive.voltage", "stages.solved.scene.drive.voltage", true),
+            ("scene.drive.voltage", "scene.material.shear_modulus", false),
+            ("scene.drive.voltage", "stages.solved.order", false),
+            ("scene", "scene.material.shear_modulus", true),
+            ("scene", "stages.solved.scene.material.shear_modulus", true),
+        ] {
+            assert_eq!(may_change(path, parameter), expected, "{path} {parameter}");
+        }
+    }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::{CliError, locate, pipeline};
 use deaflow_base::{ArtifactId, Canonical, Override, readable_time};
-use deaflow_orchestrator::{Environment, Kind, Registry, StageError, as_set, file_of, plan};
+use deaflow_orchestrator::{Environment, Kind, Registry, StageError, as_set, file_of, is_of_users, plan};
 use deaflow_stage as stage;
 use deaflow_store::{Artifact, LockFile, Record, Run, Store, StoreError};
 
@@ -69,6 +69,9 @@ impl Snapshot {
             all.insert(format!("stages.{name}.kind"), Canonical::from(kind.as_str()));
             for (path, value) in parameters.iter().flat_map(Canonical::leaves) {
                 let path = as_set(&path).to_owned();
+                if !is_of_users(&path) {
+                    continue;
+                }
                 match path.starts_with(SCENE) {
                     true => of_scene.entry(path).or_default().push((name, value)),
                     false => drop(all.insert(format!("stages.{name}.{path}"), value.clone())),

@@ -16,7 +16,7 @@ use deaflow_content::Table;
 use deaflow_orchestrator::{StageReport, WITHOUT};
 use deaflow_report::ResultTable;
 use deaflow_stage as stage;
-use deaflow_store::{Command, Store};
+use deaflow_store::{Command, RunStage, Store};
 
 /// The heading of options about the table.
 const TABLES: &str = "Table";
@@ -149,8 +149,22 @@ fn collected(store: &Store, stages: &[StageReport], name: &str) -> Result<Option
         .and_then(|stage| stage.digest);
     let Some(digest) = digest else { return Ok(None) };
     let artifact = store.artifact(&digest)?;
-    let table = Table::read(&artifact)?;
-    Ok(Some((digest, csv::of_table(&ResultTable::new(table))?)))
+    let table = ResultTable::new(Table::read(&artifact)?);
+    let column = |(title, unit): (&String, &String)| CsvColumn {
+        title: title.clone(),
+        unit: Some(unit.clone()).filter(|unit| !unit.is_empty()),
+    };
+    Ok(Some(Collected {
+        digest,
+        text: csv::of_table(&table)?,
+        columns: table.columns.iter().zip(&table.units).map(column).collect(),
+    }))
+}
+
+/// Whether a stage of a sweep was added by the command: the table that collects the results.
+pub fn is_added(stage: &RunStage) -> bool {
+    let rest = stage.name.strip_prefix(TABLE);
+    stage.kind == "table" && rest.is_some_and(|rest| rest.replace("-table", "").is_empty())
 }
 
 /// The overrides that turn a pipeline into a sweep.

@@ -60,6 +60,7 @@ fn other_key(
     }
     let current = Current {
         recipe: spec.recipe(),
+        recipe_of_kind: spec.kind.recipe(),
         parameters: &parameters,
         inputs: &inputs,
     };

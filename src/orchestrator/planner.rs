@@ -338,6 +338,7 @@ impl<'a> Planner<'a> {
         let inputs: Vec<(&str, Option<ArtifactId>)> = names.zip(digests.iter().copied()).collect();
         let current = Current {
             recipe: spec.recipe(),
+            recipe_of_kind: spec.kind.recipe(),
             parameters,
             inputs: &inputs,
         };

@@ -61,8 +61,10 @@ impl fmt::Display for Staleness {
 
 /// The present state of a stage, to compare with an earlier one.
 pub struct Current<'a> {
-    /// RECIPE number of its kind.
+    /// RECIPE number of its results: that of its kind, and what follows from its parameters.
     pub recipe: u32,
+    /// RECIPE number of its kind alone.
+    pub recipe_of_kind: u32,
     /// Canonical parameters.
     pub parameters: &'a Canonical,
     /// Names of the stages that it needs, with their digests as far as known.
@@ -83,7 +85,9 @@ impl Staleness {
             return vec![Self::NoRecord];
         };
         let mut all = parameters_changed(current.parameters, &previous.action.parameters);
-        all.extend(recipe_changed(current.recipe, previous.action.recipe));
+        // What follows from changed parameters is no reason of its own. A smaller number is that of an older kind.
+        let follows = !all.is_empty() && previous.action.recipe >= current.recipe_of_kind;
+        all.extend(recipe_changed(current.recipe, previous.action.recipe).filter(|_| !follows));
         all.extend(inputs_changed(current.inputs, &previous.action.inputs, run));
         if all.is_empty() {
             all.push(Self::NoRecord);
@@ -113,7 +117,7 @@ fn parameters_changed(now: &Canonical, then: &Canonical) -> Vec<Staleness> {
     let dropped = dropped.filter(|(path, value)| !is_filled(path, value, now.iter().map(|(path, _)| path)));
     changed
         .chain(dropped)
-        .filter(|(path, _)| !NOT_SET.contains(&as_set(path)))
+        .filter(|(path, _)| is_of_users(path))
         .map(|(which, _)| Staleness::ParameterChanged {
             which: as_set(which).to_owned(),
             from: value(&then, which),
@@ -122,8 +126,22 @@ fn parameters_changed(now: &Canonical, then: &Canonical) -> Vec<Staleness> {
         .collect()
 }
 
-/// Parameters of design stages that follow from others, and that users do not set.
-const NOT_SET: [&str; 3] = ["area_scale", "devices", "intuitive"];
+/// Parameters of stages that follow from others, and that users do not set: they separate results from those of earlier
+/// versions.
+const NOT_SET: [&str; 6] = [
+    "area_scale",
+    "devices",
+    "intuitive",
+    "known_elastomer",
+    "leads",
+    "pull_in_meshes",
+];
+
+/// Whether a canonical parameter of a stage is one that users set, by its path.
+#[must_use]
+pub fn is_of_users(path: &str) -> bool {
+    !NOT_SET.contains(&as_set(path))
+}
 
 /// Whether a value is an empty mapping that has entries on the other side, whose paths show the change.
 pub fn is_filled<'a>(path: &str, value: &Canonical, mut others: impl Iterator<Item = &'a String>) -> bool {
@@ -167,6 +185,48 @@ fn artifact_damaged(condition: &Condition) -> Option<Staleness> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use deaflow_base::FileDigest;
+    use deaflow_store::Action;
+
+    #[test]
+    fn a_recipe_that_follows_from_a_parameter_is_no_reason() {
+        let parameters = |mesh: u64| Canonical::map([("elements_per_cell", mesh.into())]);
+        let record = |recipe: u32| {
+            let action = Action {
+                kind: "verify".to_owned(),
+                recipe,
+                parameters: parameters(2),
+                inputs: Vec::new(),
+            };
+            Record {
+                key: action.key().unwrap(),
+                action,
+                artifact: ArtifactId::of(b"artifact"),
+                file_digest: FileDigest::of(b"file"),
+                size: 1,
+                seconds: 1.0,
+                unstable: 0,
+                created: String::new(),
+                version: String::new(),
+                target: String::new(),
+            }
+        };
+        let told = |mesh: u64, then: u32| {
+            let parameters = parameters(mesh);
+            let current = Current {
+                recipe: 13,
+                recipe_of_kind: 5,
+                parameters: &parameters,
+                inputs: &[],
+            };
+            let all = Staleness::all_since(&current, Some(&record(then)), None);
+            all.iter().map(ToString::to_string).collect::<Vec<_>>()
+        };
+        let parameter = "parameter changed: elements_per_cell from 2 to 8";
+        assert_eq!(told(8, 5), [parameter]);
+        assert_eq!(told(8, 4), [parameter, "recipe changed: from 4 to 13"]);
+        assert_eq!(told(2, 5), ["recipe changed: from 5 to 13"]);
+    }
 
     #[test]
     fn what_is_written_into_an_empty_mapping_is_the_change() {

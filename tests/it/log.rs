@@ -338,3 +338,33 @@ fn a_stage_is_compared_with_the_nearest_of_past_runs() {
     let is_named = ["elements_per_cell", "1", "2"].iter().all(|part| reason.contains(part));
     assert!(is_named, "{reason}");
 }
+
+#[test]
+fn what_an_override_or_a_sweep_has_changed_is_not_a_change_of_the_files() {
+    let workspace = Workspace::new();
+    workspace.write("short.yaml", SHORT);
+    let sweep = |table: &str| {
+        let set = ["--set", "scene.drive.voltage=4 kV, 5 kV", "--quiet"];
+        workspace.stages(&[&["sweep", "short.yaml", "--table", table], &set[..]].concat());
+    };
+    sweep("max_displacement");
+    sweep("mean_displacement");
+    // Another mesh and another order of elements, of one stage.
+    workspace.stages(&["run", "short.yaml"]);
+    workspace.stages(&[
+        "run",
+        "short.yaml",
+        "--set",
+        "stages.solved.accuracy=0.1 mm",
+        "--set",
+        "stages.solved.elements_per_cell=null",
+    ]);
+    let listed = workspace.run(&["log"]).stdout;
+    assert!(!listed.contains("changed in the files"), "{listed}");
+    assert!(listed.lines().all(|line| line.chars().count() <= 120), "{listed}");
+    // A change of the file is told beside overrides of another stage.
+    workspace.write("short.yaml", &SHORT.replace("seed: 1", "seed: 2"));
+    workspace.stages(&["run", "short.yaml"]);
+    let listed = workspace.run(&["log"]).stdout;
+    assert!(listed.contains("changed in the files"), "{listed}");
+}
