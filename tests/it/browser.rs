@@ -136,36 +136,15 @@ impl Browser {
 
     /// How many pages it prints.
     pub fn pages(&self, page: &Path) -> usize {
-        let printed = self.printed(page);
-        let text = String::from_utf8_lossy(&printed);
-        // Chromium writes the objects of pages uncompressed.
-        let pages = text.split("/Type /Page").skip(1);
-        pages.filter(|rest| !rest.starts_with('s')).count()
-    }
-
-    /// The colours that a printed page fills shapes and letters with, each once.
-    pub fn printed_colours(&self, page: &Path) -> BTreeSet<[u8; 3]> {
-        let printed = self.printed(page);
-        let mut found = BTreeSet::new();
-        for content in streams(&printed) {
-            let words: Vec<&str> = content.split_ascii_whitespace().collect();
-            for four in words.windows(4).filter(|four| four[3] == "rg") {
-                let shares: Vec<f64> = four[..3].iter().filter_map(|word| word.parse().ok()).collect();
-                if let [red, green, blue] = shares[..] {
-                    found.insert([red, green, blue].map(|share: f64| (255.0 * share).round() as u8));
-                }
-            }
-        }
-        found
-    }
-
-    /// The page as a PDF.
-    fn printed(&self, page: &Path) -> Vec<u8> {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("printed.pdf");
         let print = format!("--print-to-pdf={}", file.display());
         let (_, told) = self.open(page, 800, 1100, &[&print, "--no-pdf-header-footer"]);
-        std::fs::read(&file).unwrap_or_else(|error| panic!("{error}: {told}"))
+        let printed = std::fs::read(&file).unwrap_or_else(|error| panic!("{error}: {told}"));
+        let text = String::from_utf8_lossy(&printed);
+        // Chromium writes the objects of pages uncompressed.
+        let pages = text.split("/Type /Page").skip(1);
+        pages.filter(|rest| !rest.starts_with('s')).count()
     }
 
     /// What it writes to stdout and stderr.
@@ -191,6 +170,21 @@ impl Browser {
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
         (text(&output.stdout), text(&output.stderr))
     }
+}
+
+/// The colours that a PDF fills shapes and letters with, each once.
+pub fn printed_colours(pdf: &[u8]) -> BTreeSet<[u8; 3]> {
+    let mut found = BTreeSet::new();
+    for content in streams(pdf) {
+        let words: Vec<&str> = content.split_ascii_whitespace().collect();
+        for four in words.windows(4).filter(|four| four[3] == "rg") {
+            let shares: Vec<f64> = four[..3].iter().filter_map(|word| word.parse().ok()).collect();
+            if let [red, green, blue] = shares[..] {
+                found.insert([red, green, blue].map(|share: f64| (255.0 * share).round() as u8));
+            }
+        }
+    }
+    found
 }
 
 /// The compressed contents of a PDF, as text; other streams are left out.

@@ -3,8 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use super::browser::{Browser, Seen};
+use super::browser::{Browser, Seen, printed_colours};
 use super::common::{SMALL, Workspace, files, scene_file, snapshot};
+use super::serve::tab::Tab;
 
 /// Designs of every role in two cases, a dataset, a network, an evaluation and an accuracy stage.
 const STAGES: &str = "
@@ -298,7 +299,7 @@ fn opens_in_a_browser(workspace: &Workspace, designs: usize) {
 
 /// Keys of legends are backgrounds, which browsers leave out of what they print unless the page asks for them.
 fn legends_keep_their_colours_on_paper(workspace: &Workspace) {
-    let Some(browser) = Browser::find() else {
+    let Some(mut tab) = Tab::open() else {
         return;
     };
     let page = std::fs::read_to_string(workspace.path("out/index.html")).unwrap();
@@ -321,14 +322,17 @@ fn legends_keep_their_colours_on_paper(workspace: &Workspace) {
         .map(|(_, colour)| colour)
         .collect();
     assert!(used.len() >= 2, "{legends:?}");
-    let printed = |head: &str| {
+    let mut printed = |head: &str| {
         let lists: String = legends
             .iter()
             .map(|legend| format!("<ul class=\"legend\">{legend}</ul>"))
             .collect();
         let file = workspace.path("legends.html");
         std::fs::write(&file, format!("{head}<body>{lists}</body></html>")).unwrap();
-        browser.printed_colours(&file)
+        tab.go("about:blank");
+        tab.go(&format!("file://{}", file.display()));
+        tab.until("document.readyState === 'complete' && document.querySelector('.legend')");
+        printed_colours(&tab.print())
     };
     let on_paper = printed(head);
     assert!(

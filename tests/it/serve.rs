@@ -7,7 +7,7 @@ mod overview;
 mod pad;
 mod reproduced;
 mod server;
-mod tab;
+pub(super) mod tab;
 mod views;
 
 use std::collections::BTreeSet;

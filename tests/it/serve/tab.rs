@@ -284,6 +284,12 @@ impl Tab {
         self.value("[...document.querySelectorAll('button, input:not([type=file]), select, summary, nav a')].filter((e) => { const b = e.getBoundingClientRect(); return b.width > 0 && (b.width < 23.9 || b.height < 23.9) }).map((e) => e.outerHTML.slice(0, 90) + ' ' + e.getBoundingClientRect().width + ' x ' + e.getBoundingClientRect().height)")
     }
 
+    /// The page as a PDF, as browsers print it: without backgrounds, unless the page asks for them.
+    pub fn print(&mut self) -> Vec<u8> {
+        let found = self.call("Page.printToPDF", json!({ "printBackground": false }));
+        decoded(found["data"].as_str().unwrap())
+    }
+
     /// Writes an image of the screen.
     pub fn photograph(&mut self, path: &Path) {
         let found = self.call("Page.captureScreenshot", json!({ "format": "png" }));

@@ -345,7 +345,7 @@ fn a_wrong_number_is_told_beside_its_field_and_all_values_can_be_reached() {
         .len();
     tab.go(&format!("http://127.0.0.1:{}/#/pipelines/0", server.port));
     // Values of scenes and designs stand on top; the others are folded.
-    assert_eq!(tab.value("document.querySelector('#other-values').open"), false);
+    tab.until("document.querySelector('#other-values')?.open === false");
     assert_eq!(
         tab.value("document.querySelector('[aria-label=\"Main values\"] [data-path]').dataset.path"),
         "scene.drive.voltage"
