@@ -287,7 +287,8 @@ impl FrontSearch<'_> {
         let mut population = self.judged(genomes, observer)?;
         let members = population.iter_mut().zip(feasible);
         members.for_each(|(member, feasible)| member.feasible = feasible);
-        self.rank(&mut population)?;
+        // The order is that among parents and children, of which the rest is lost.
+        set_ranks(&mut population);
         observer.resumed(stored.history.len() - 1);
         Ok(Some((population, stored.history)))
     }
@@ -587,7 +588,10 @@ mod tests {
                     from: Some(whole.stored.borrow()[at].clone()),
                     ..Course::default()
                 };
-                assert_eq!(searched(&course, &options(), with_margins), expected);
+                assert!(
+                    searched(&course, &options(), with_margins) == expected,
+                    "{at} {with_margins}"
+                );
                 assert_eq!(*course.resumed.borrow(), [at]);
                 assert_eq!(*course.rejected.borrow(), 0);
             }
@@ -609,7 +613,7 @@ mod tests {
                 from: Some(from),
                 ..Course::default()
             };
-            assert_eq!(searched(&course, &options(), false), expected);
+            assert!(searched(&course, &options(), false) == expected);
             assert_eq!(*course.rejected.borrow(), 1);
         }
         // Of a search with other options.
@@ -618,7 +622,7 @@ mod tests {
             ..Course::default()
         };
         let other = EvolveOptions { seed: 4, ..options() };
-        assert_ne!(searched(&course, &other, false), expected);
+        assert!(searched(&course, &other, false) != expected);
         assert_eq!(*course.rejected.borrow(), 1);
     }
 }

@@ -80,7 +80,7 @@ fn front(data: &FrontFigure, other: usize) -> Chart {
         let label = capitalised(&format!("{} [{}]", of.name, of.unit));
         match values.iter().all(|value| *value >= 0.0) {
             true => Axis::above(&label, &values),
-            false => Axis::around(&label, &values),
+            false => Axis::between(&label, &values),
         }
     };
     let x = axis(second, points.iter().map(|(x, _)| *x).collect());
