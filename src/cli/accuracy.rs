@@ -95,11 +95,12 @@ pub fn execute(arguments: &AccuracyArguments, output: &Output) -> Result<Exit, C
         names: &arguments.model,
         store: arguments.store.given().map(Path::to_path_buf),
     };
-    let request = AccuracyRequest::new(scene, &reference, methods.as_ref(), &networks)?;
+    let request = AccuracyRequest::new(scene, &reference, methods.as_ref(), &networks);
+    // Also where the request is refused: it may be for a number in another unit.
     for document in [Some(&reference), methods.as_ref()].into_iter().flatten() {
         warn_of_units(document, output);
     }
-    let request = on_patterns(request, arguments, output)?;
+    let request = on_patterns(request?, arguments, output)?;
     // Checked before minutes of work.
     write::folder(&arguments.output)?;
     let [file, rows, figure] = FILES.map(|name| arguments.output.join(name));

@@ -89,12 +89,29 @@ pub enum EvolveError {
 /// area is free. Units without an allowed cell are off.
 #[must_use]
 pub fn first_generation(area: Option<f64>, constraints: &Constraints, seed: u64, population: usize) -> Vec<Genome> {
+    let areas = area.map_or(FREE_AREAS, |area| [area; 2]);
+    generation_within(areas, constraints, seed, population)
+}
+
+/// The first generation of a goal. Up to a largest area, areas are those of a free area up to it.
+pub(crate) fn first_generation_of(goal: &Goal, constraints: &Constraints, seed: u64, population: usize) -> Vec<Genome> {
+    match goal.area() {
+        Some(largest) if goal.has_largest_area() => {
+            let areas = FREE_AREAS.map(|area| area.min(largest));
+            generation_within(areas, constraints, seed, population)
+        }
+        area => first_generation(area, constraints, seed, population),
+    }
+}
+
+/// A first generation with random areas between two.
+fn generation_within([least, most]: [f64; 2], constraints: &Constraints, seed: u64, population: usize) -> Vec<Genome> {
     let allowed = allowed_units(constraints);
     let free = constraints.free_count() as f64 / constraints.membrane().raster.cells() as f64;
     let random = |index| {
         let mut stream = Stream::new(seed, "first generation", index);
         let grain = stream.index(COARSEST + 1);
-        let area = area.unwrap_or_else(|| stream.range(FREE_AREAS[0], FREE_AREAS[1]));
+        let area = if least < most { stream.range(least, most) } else { least };
         Genome::random_within(&allowed, free * area, constraints.groups(), grain, &mut stream)
     };
     (0..population as u64).map(random).collect()
@@ -172,8 +189,7 @@ fn start(
     options: &EvolveOptions,
     observer: &dyn Observer,
 ) -> Result<History, EvolveError> {
-    let area = problem.goal.area();
-    let genomes = first_generation(area, problem.constraints, options.seed, options.population);
+    let genomes = first_generation_of(problem.goal, problem.constraints, options.seed, options.population);
     let population = search.evaluated(genomes, observer)?;
     if population[0].evaluation.fitness.is_infinite() {
         return Err(match population.iter().any(|i| i.evaluation.feasible == Some(false)) {

@@ -34,7 +34,7 @@ parameters! {
     /// A largest area.
     struct LargestArea as "the area" {
         /// Largest area of the electrodes, a share of the free membrane, such as 0.3 or `30 %`.
-        at_most: Decimal [0.0..=1.0],
+        at_most: Decimal [0.0001..=1.0],
     }
 }
 
@@ -161,6 +161,14 @@ impl Targets {
         if is_charge.len() > 1 && is_charge[0] == is_charge[1] {
             let message = "two objectives of a front are the same";
             return Err(node.error(message).help("remove one of them"));
+        }
+        let items = node.list("objectives")?;
+        if let Some(within) = items.iter().find_map(|item| item.peek("within"))
+            && self.is_genetic_front()
+        {
+            return Err(within
+                .error("`within` has no effect with `method: nsga2`")
+                .help("remove it, or use `pareto: { method: epsilon }`"));
         }
         match self.front_method() {
             FrontMethod::Epsilon if (costs, objectives.len()) != (1, 2) => Err(node

@@ -321,6 +321,7 @@ fn what_does_not_go_with_two_objectives_is_refused() {
         format!("objectives: [{{ area: least }}, {POINT}, {{ area: least }}], {nsga2}"),
         format!("objectives: [{{ area: least }}, {{ charge: least }}], {nsga2}"),
         format!("objectives: [{POINT}, {{ area: least }}], {nsga2}, starts: 2"),
+        format!("objectives: [{POINT}, {{ area: least, within: [10 %, 20 %] }}], {nsga2}"),
         format!("objectives: [{POINT}, {{ area: least }}], {nsga2}, refine: true"),
         format!("objectives: [{POINT}, {{ area: least }}], {nsga2}, method: adjoint"),
         format!("objectives: [{POINT}, {{ charge: least }}], {nsga2}, evaluator: linear"),

@@ -93,6 +93,9 @@ pub(super) fn dominates(values: &[f64], others: &[f64]) -> bool {
     pairs().all(|(value, other)| value >= other) && pairs().any(|(value, other)| value > other)
 }
 
+/// The sorted population and the generations so far.
+type Course = (Vec<Member>, Vec<FrontGeneration>);
+
 /// A running search.
 struct FrontSearch<'a> {
     problem: &'a FrontProblem<'a>,
@@ -272,7 +275,7 @@ impl FrontSearch<'_> {
     }
 
     /// The population and the history of the last checkpoint, if there is one.
-    fn resumed(&mut self, observer: &dyn Observer) -> Result<Option<(Vec<Member>, Vec<FrontGeneration>)>, EvolveError> {
+    fn resumed(&mut self, observer: &dyn Observer) -> Result<Option<Course>, EvolveError> {
         let Some(bytes) = observer.load_checkpoint() else {
             return Ok(None);
         };

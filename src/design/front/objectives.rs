@@ -167,7 +167,11 @@ impl FrontObjective {
         let both = json!({ "allOf": [{ "contains": cost }, value], "maxItems": 2 });
         fields
             .rule(json!({ "properties": { "objectives": { "allOf": [value, once[0], once[1]] } } }))
-            .rule(json!({ "if": Pareto::is_genetic_schema(), "else": { "properties": { "objectives": both } } }))
+            .rule(json!({
+                "if": Pareto::is_genetic_schema(),
+                "then": { "properties": { "objectives": { "items": { "not": { "required": ["within"] } } } } },
+                "else": { "properties": { "objectives": both } },
+            }))
     }
 }
 

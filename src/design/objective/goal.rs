@@ -140,6 +140,12 @@ impl Goal {
         self.area
     }
 
+    /// Whether smaller areas than that are as good.
+    #[must_use]
+    pub fn has_largest_area(&self) -> bool {
+        self.is_largest
+    }
+
     /// The raster of the membrane.
     #[must_use]
     pub fn raster(&self) -> Raster {

@@ -3,7 +3,7 @@
 use super::candidates::{Candidate, CandidateAccuracy, DesignReferences, PATTERNS, cheapest_evaluator};
 use super::found::{Findings, FoundPattern};
 use super::{Evaluators, Search, SearchError, SearchResult};
-use crate::evolve::{EvolveError, EvolveProblem, evolve, first_generation};
+use crate::evolve::{EvolveError, EvolveProblem, evolve, first_generation_of};
 use crate::genome::UNITS;
 use crate::objective::RoughScore;
 use deaflow_field::{Evaluator, InStates};
@@ -82,12 +82,7 @@ impl Search<'_> {
     /// The cheapest evaluator that is accurate enough, and the accuracy of each candidate.
     fn cheapest(&self, candidates: Vec<Candidate>) -> Result<(Candidate, Vec<CandidateAccuracy>), SearchError> {
         let count = self.options.population.min(PATTERNS);
-        let genomes = first_generation(
-            self.target.area.fraction(),
-            self.constraints,
-            self.options.seed.0,
-            count,
-        );
+        let genomes = first_generation_of(&self.target.goal, self.constraints, self.options.seed.0, count);
         let patterns: Vec<Pattern> = genomes
             .iter()
             .map(|genome| genome.pattern(self.target.goal.raster()))

@@ -63,9 +63,18 @@ impl Search<'_> {
         };
         let found = evolve_front(&problem, &self.options.evolve(), self.progress);
         let found = found.map_err(|error| self.evolve_error(error))?;
-        // Without electrodes nothing moves: that is no design.
-        let is_design = |member: &&FrontMember| self.constraints.area_fraction(&member.pattern) > 0.0;
-        let designs: Vec<&FrontMember> = found.front.iter().filter(is_design).collect();
+        // Without electrodes nothing moves. That is no design, and better than one that gains nothing.
+        let gains = |member: &FrontMember| {
+            let others = front.others.iter().zip(&member.values[1..]);
+            let gains = others.filter(|(other, _)| matches!(other, OtherObjective::Value(..)));
+            member.values[0] > 0.0 || gains.into_iter().any(|(_, value)| *value > 0.0)
+        };
+        let mut designs: Vec<&FrontMember> = Vec::new();
+        for member in found.front.iter().filter(|member| gains(member)) {
+            if designs.iter().all(|known| known.values != member.values) {
+                designs.push(member);
+            }
+        }
         if designs.is_empty() {
             return Err(self.evolve_error(EvolveError::NoDesign));
         }
@@ -82,9 +91,10 @@ impl Search<'_> {
             });
         }
         let mut history = Vec::<(usize, f64)>::new();
-        for generation in &found.history {
+        for (at, generation) in found.history.iter().enumerate() {
             let reached = hypervolume_of(&generation.front, &reference);
-            if history.last().is_none_or(|(_, before)| reached > *before) {
+            // A generation keeps a part of a large front: at the end stands what it has.
+            if at + 1 == found.history.len() || history.last().is_none_or(|(_, before)| reached > *before) {
                 history.push((generation.evaluations, reached));
             }
         }

@@ -413,8 +413,8 @@ fn with_fronts(mut document: Value) -> Value {
         let charge = "{ kind: design, seed: 1, pareto: { points: 3 }, objectives: [{ point: [25, 25], direction: 0 },
           { charge: least, within: [1 uC, 2 uC], reference: 3 uC }] }";
         stages.insert("charges".to_owned(), json(charge));
-        let largest =
-            "{ kind: design, seed: 1, area: { at_most: 30 % }, objective: { point: [25, 25], direction: 0 } }";
+        let largest = "{ kind: design, seed: 1, area: { at_most: 30 % },
+          targets: [{ name: a, area: { at_most: 0.2 }, objective: { point: [25, 25], direction: 0 } }] }";
         stages.insert("largest".to_owned(), json(largest));
         let genetic = "{ kind: design, seed: 1, method: ga, population: 20, generations: 3, crossover: 0.5, mutation: 0.2,
           evaluator: auto, evaluator_accuracy: 0.01 mm, pareto: { points: 3, method: nsga2 },
