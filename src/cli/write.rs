@@ -57,7 +57,7 @@ pub fn csv(path: &Path, rows: &[u8], title: &str, source: &str) -> Result<(), Cl
     )
 }
 
-/// Like [`csv`], with other columns.
+/// Like [`csv()`], with other columns.
 ///
 /// # Errors
 /// As [`file()`].
