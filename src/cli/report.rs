@@ -175,8 +175,8 @@ fn check(
     }))
 }
 
-/// Returns the command that fetches the missing stages, if the last run of the pipeline had a result that is not in this
-/// store: it was on a remote.
+/// Returns the command that fetches the missing stages, if the last run of the pipeline had a result that is not in
+/// this store: it was on a remote.
 fn pull(
     history: &PipelineHistory,
     pipeline: &Pipeline,

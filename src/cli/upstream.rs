@@ -48,7 +48,8 @@ fn open(name: Option<&str>, store: &Store) -> Result<Remote, CliError> {
 /// The command that adds a remote.
 pub const HOW_TO_ADD: &str = "deaflow remote add NAME s3://BUCKET/PREFIX --key FILE.pub";
 
-/// Returns the command that fetches the results of a pipeline, whose words are quoted for a shell, if there is a remote.
+/// Returns the command that fetches the results of a pipeline, whose words are quoted for a shell, if there is a
+/// remote.
 pub fn pull_command(pipeline: &str) -> Option<String> {
     let names = Configuration::of_user().ok()?.names().ok()?;
     match names.as_slice() {

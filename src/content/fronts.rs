@@ -9,7 +9,8 @@ arrays! {
     /// The points of a front, and the course of its search.
     #[derive(Default)]
     pub struct Fronts, FrontsView {
-        /// Limit of each requested point, ascending: of the area, or of the charge in nC; none of the genetic algorithm.
+        /// Limit of each requested point, ascending: of the area, or of the charge in nC; none of the genetic
+        /// algorithm.
         limit: Vec<f64> = array("limit", "1", [limit]),
         /// What became of it: `found`, the design that is at least as good, or why there is none.
         outcome: LongTexts = array("outcome", "", [limit]),
@@ -22,8 +23,8 @@ arrays! {
         reference: Option<Vec<f64>> = array("reference", "1", [target]),
         /// Number of simulated patterns whenever the front grew.
         simulations: Vec<u64> = array("simulations", "1", [growth]),
-        /// Hypervolume of the designs so far: gain times area fraction, or gain times charge in mm nC, or the product of
-        /// all objectives.
+        /// Hypervolume of the designs so far: gain times area fraction, or gain times charge in mm nC, or the product
+        /// of all objectives.
         hypervolume: Vec<f64> = array("hypervolume", "mm", [growth]),
         /// The objectives of a front of the genetic algorithm.
         objectives: Option<FrontObjectives> = group("objectives"),

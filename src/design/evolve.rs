@@ -166,20 +166,20 @@ pub fn evolve(
 
 /// The history from the last checkpoint, if there is one.
 fn resume(search: &mut Search<'_>, options: &EvolveOptions, observer: &dyn Observer) -> Option<History> {
-    let bytes = observer.load_checkpoint()?;
-    match Checkpoint::from_bytes(&bytes, options, search.groups()) {
-        Ok(checkpoint) => {
-            let history = search.restored(checkpoint);
-            if let Some(last) = history.reports.last() {
-                observer.resumed(last.generation);
-            }
-            Some(history)
-        }
-        Err(error) => {
-            observer.checkpoint_rejected(&error);
-            None
-        }
+    let checkpoint = loaded(observer, |bytes| {
+        Checkpoint::from_bytes(bytes, options, search.groups())
+    })?;
+    let history = search.restored(checkpoint);
+    if let Some(last) = history.reports.last() {
+        observer.resumed(last.generation);
     }
+    Some(history)
+}
+
+/// What the last checkpoint holds; `None` without one, or if it cannot be used.
+fn loaded<T>(observer: &dyn Observer, read: impl FnOnce(&[u8]) -> Result<T, CheckpointError>) -> Option<T> {
+    let checkpoint = read(&observer.load_checkpoint()?);
+    checkpoint.inspect_err(|error| observer.checkpoint_rejected(error)).ok()
 }
 
 /// The first generation.

@@ -166,8 +166,7 @@ impl SearchOptions {
         }
     }
 
-    /// Removes the values of keys without effect for the genetic algorithm of a front from those that are
-    /// [used](Self::used).
+    /// The canonical values of the keys that the genetic algorithm of a front uses.
     #[must_use]
     pub fn used_by_genetic_front(&self) -> Vec<(&'static str, Canonical)> {
         let mut entries = self.used();

@@ -12,8 +12,8 @@ pub(super) fn status_of(unmet: &[String]) -> String {
     }
 }
 
-/// The status of a user's own pattern for the area and the constraints of a target. `area` is a number, `at most` a number, or `free`;
-/// margins are not checked.
+/// The status of a user's own pattern for the area and the constraints of a target. `area` is a number, `at most` a
+/// number, or `free`; margins are not checked.
 #[must_use]
 pub fn own_pattern_status(pattern: &Pattern, area: &str, constraints: &Constraints) -> String {
     let mut unmet = Vec::new();

@@ -52,7 +52,8 @@ impl Scene {
         }
     }
 
-    /// Reads the options of a call, unless they are those of the last one, so that a loop over patterns reads them once.
+    /// Reads the options of a call, unless they are those of the last one, so that a loop over patterns reads them
+    /// once.
     fn parameters(&self, text: &str) -> Result<SolverParameters, CliError> {
         let mut last = self.read.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, parameters)) = last.as_ref().filter(|(known, _)| known == text) {

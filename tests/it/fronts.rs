@@ -1,4 +1,5 @@
-//! Fronts of two and three objectives: known answers, their artifacts, and what is said of ends and of objectives that agree.
+//! Fronts of two and three objectives: known answers, their artifacts, and what is said of ends and of objectives that
+//! agree.
 
 use serde_json::Value;
 

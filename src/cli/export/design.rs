@@ -51,8 +51,8 @@ pub struct ExportDesignArguments {
     /// The scene of a pattern: a YAML file of a scene, or of a pipeline that has one
     #[arg(long, value_name = "SCENE", conflicts_with_all = DesignArguments::NAMES)]
     pub scene: Option<PathBuf>,
-    /// Override a value of the pipeline of PIPELINE.yaml:STAGE, as in the `run` that built the stage, or of the scene of
-    /// --scene
+    /// Override a value of the pipeline of PIPELINE.yaml:STAGE, as in the `run` that built the stage, or of the scene
+    /// of --scene
     #[arg(long = "set", value_name = "PATH=VALUE")]
     pub sets: Vec<String>,
     #[command(flatten)]

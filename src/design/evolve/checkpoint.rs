@@ -128,9 +128,7 @@ impl Checkpoint {
                 (false, _) => 3,
             });
         }
-        let digest = Digest::of(&bytes);
-        bytes.extend(digest.as_bytes());
-        Some(bytes)
+        Some(sealed(bytes))
     }
 
     /// Inverse of [`Checkpoint::to_bytes`].
@@ -138,11 +136,8 @@ impl Checkpoint {
     /// # Errors
     /// If the bytes are not a valid checkpoint of a search with these options.
     pub(super) fn from_bytes(bytes: &[u8], options: &EvolveOptions, groups: usize) -> Result<Self, CheckpointError> {
-        let (content, digest_bytes) = bytes.split_last_chunk::<32>().ok_or(CheckpointError::Damaged)?;
+        let content = opened(bytes)?;
         let (version, rest) = content.split_first_chunk::<4>().ok_or(CheckpointError::Damaged)?;
-        if Digest::of(content) != Digest::from_bytes(*digest_bytes) {
-            return Err(CheckpointError::Damaged);
-        }
         let found = u32::from_le_bytes(*version);
         if found != VERSION {
             return Err(CheckpointError::Version { found, read: VERSION });
@@ -171,6 +166,23 @@ impl Checkpoint {
             && self.population.iter().chain(steps).all(within)
             && self.known.windows(2).all(|pair| pair[0].0 < pair[1].0)
     }
+}
+
+/// The content of a checkpoint with its digest at the end.
+pub(super) fn sealed(mut content: Vec<u8>) -> Vec<u8> {
+    let digest = Digest::of(&content);
+    content.extend(digest.as_bytes());
+    content
+}
+
+/// Inverse of [`sealed`].
+///
+/// # Errors
+/// If the content has another digest.
+pub(super) fn opened(bytes: &[u8]) -> Result<&[u8], CheckpointError> {
+    let (content, digest) = bytes.split_last_chunk::<32>().ok_or(CheckpointError::Damaged)?;
+    let is_whole = Digest::of(content) == Digest::from_bytes(*digest);
+    is_whole.then_some(content).ok_or(CheckpointError::Damaged)
 }
 
 fn parts(bytes: &[u8]) -> Option<(Header, &[u8])> {

@@ -15,7 +15,7 @@ use super::nsga2_checkpoint::Stored;
 use super::options::EvolveOptions;
 use super::result::{FrontReport, Observer};
 use super::search::{Batches, pattern_of, verdicts};
-use super::{EvolveError, allowed_units, first_generation};
+use super::{EvolveError, allowed_units, first_generation, loaded};
 use crate::constraint::Constraints;
 use crate::genome::Genome;
 use deaflow_base::Stream;
@@ -276,15 +276,10 @@ impl FrontSearch<'_> {
 
     /// The population and the history of the last checkpoint, if there is one.
     fn resumed(&mut self, observer: &dyn Observer) -> Result<Option<Course>, EvolveError> {
-        let Some(bytes) = observer.load_checkpoint() else {
+        let groups = self.problem.constraints.groups();
+        let stored = loaded(observer, |bytes| Stored::from_bytes(bytes, self.options, groups));
+        let Some(stored) = stored else {
             return Ok(None);
-        };
-        let stored = match Stored::from_bytes(&bytes, self.options, self.problem.constraints.groups()) {
-            Ok(stored) => stored,
-            Err(error) => {
-                observer.checkpoint_rejected(&error);
-                return Ok(None);
-            }
         };
         let (genomes, feasible): (Vec<Genome>, Vec<Option<bool>>) = stored.population.into_iter().unzip();
         let mut population = self.judged(genomes, observer)?;

@@ -1,9 +1,9 @@
-//! Checkpoints of the search of a front: the population and the history as bytes. The patterns are judged again, so that
-//! a resumed search gives the same result.
+//! Checkpoints of the search of a front: the population and the history as bytes. The patterns are judged again, so
+//! that a resumed search gives the same result.
 
 use serde::{Deserialize, Serialize};
 
-use super::checkpoint::CheckpointError;
+use super::checkpoint::{CheckpointError, opened, sealed};
 use super::nsga2::{FrontGeneration, Member};
 use super::options::EvolveOptions;
 use crate::genome::Genome;
@@ -65,10 +65,7 @@ impl Stored {
             evaluations: self.history.iter().map(|one| one.evaluations as u64).collect(),
             fronts: self.history.iter().map(|one| one.front.clone()).collect(),
         };
-        let mut bytes = encode(&content).ok()?;
-        let digest = Digest::of(&bytes);
-        bytes.extend(digest.as_bytes());
-        Some(bytes)
+        encode(&content).ok().map(sealed)
     }
 
     /// Inverse of [`Stored::to_bytes`].
@@ -76,11 +73,7 @@ impl Stored {
     /// # Errors
     /// If the bytes are not a valid checkpoint of a search with these options.
     pub fn from_bytes(bytes: &[u8], options: &EvolveOptions, groups: usize) -> Result<Self, CheckpointError> {
-        let (content, stored) = bytes.split_last_chunk::<32>().ok_or(CheckpointError::Damaged)?;
-        if Digest::of(content) != Digest::from_bytes(*stored) {
-            return Err(CheckpointError::Damaged);
-        }
-        let content: Content = decode(content).map_err(|_| CheckpointError::Damaged)?;
+        let content: Content = decode(opened(bytes)?).map_err(|_| CheckpointError::Damaged)?;
         if content.version != VERSION {
             let (found, read) = (content.version, VERSION);
             return Err(CheckpointError::Version { found, read });

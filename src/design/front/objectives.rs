@@ -281,18 +281,11 @@ impl Front {
         Canonical::map(entries.into_iter().filter_map(|(key, value)| Some((key, value?))))
     }
 
-    /// What designs take, if that is one of the other objectives.
-    pub fn costs(&self) -> impl Iterator<Item = &Cost> {
-        self.others.iter().filter_map(|other| match other {
-            OtherObjective::Cost(cost) => Some(cost),
-            OtherObjective::Value(..) => None,
-        })
-    }
-
     /// Whether fields need to have the charge.
     #[must_use]
     pub fn has_charge(&self) -> bool {
-        self.costs().any(Cost::is_charge)
+        let is_charge = |other: &OtherObjective| matches!(other, OtherObjective::Cost(Cost::Charge(_)));
+        self.others.iter().any(is_charge)
     }
 }
 

@@ -234,6 +234,9 @@ fn most_different(
     reference: &[f64],
     front: &Front,
 ) -> Vec<usize> {
+    if values.len() <= most {
+        return by_first(values, (0..values.len()).collect());
+    }
     let is_gain = |objective: &usize| match objective.checked_sub(1) {
         None => true,
         Some(at) => matches!(front.others[at], OtherObjective::Value(..)),
@@ -251,7 +254,7 @@ fn most_different(
         chosen.extend(best.filter(|best| !chosen.contains(best)));
     }
     chosen.truncate(most);
-    while chosen.len() < most.min(values.len()) {
+    while chosen.len() < most {
         let with = |at: usize| {
             let all: Vec<Vec<f64>> = chosen.iter().chain([&at]).map(|at| values[*at].clone()).collect();
             (at, hypervolume_of(&all, reference))
@@ -265,6 +268,11 @@ fn most_different(
             None => break,
         }
     }
-    chosen.sort_by(|&a, &b| values[a][0].total_cmp(&values[b][0]).then(a.cmp(&b)));
-    chosen
+    by_first(values, chosen)
+}
+
+/// Points sorted by the first objective.
+fn by_first(values: &[Vec<f64>], mut points: Vec<usize>) -> Vec<usize> {
+    points.sort_by(|&a, &b| values[a][0].total_cmp(&values[b][0]).then(a.cmp(&b)));
+    points
 }

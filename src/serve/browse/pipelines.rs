@@ -69,8 +69,8 @@ pub fn pipeline(state: &ServerState, request: &Request, number: &str) -> Result<
     Ok(document.into())
 }
 
-/// Returns the state of a pipeline in short: its stages, those that have to run with the estimated time, and its last run.
-/// A pipeline with an error has that as `problem`.
+/// Returns the state of a pipeline in short: its stages, those that have to run with the estimated time, and its last
+/// run. A pipeline with an error has that as `problem`.
 ///
 /// # Errors
 /// If there is no pipeline with that number, or the store cannot be read.
@@ -109,8 +109,8 @@ pub fn summary(state: &ServerState, request: &Request, number: &str) -> Result<R
     .into())
 }
 
-/// Returns the results of the last run of a pipeline, `results` with their `units`, and the computing time of each stage
-/// that is up to date, `seconds`.
+/// Returns the results of the last run of a pipeline, `results` with their `units`, and the computing time of each
+/// stage that is up to date, `seconds`.
 fn last_results(state: &ServerState, pipeline: &Pipeline, plan: &Value) -> Result<Value, ApiError> {
     let Some(store) = state.store()? else {
         return Ok(Value::Null);

@@ -11,7 +11,8 @@ use deaflow_fem::effects::EFFECTS;
 use deaflow_pattern::Part;
 use deaflow_scene::{Scene, Sides};
 
-/// Lists the scenes, the default one first, those of the gallery, and the files whose scenes cannot be used, with their errors.
+/// Lists the scenes, the default one first, those of the gallery, and the files whose scenes cannot be used, with their
+/// errors.
 ///
 /// # Errors
 /// If the request is invalid.
