@@ -22,7 +22,8 @@ import numpy as np
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "docs/tools"))
 import read_store  # noqa: E402
 
-SECONDS, MEMORY = 10, 1 << 20  # KiB
+# Of processor time: other programs may hold up a sound command. One that does nothing for PATIENCE seconds hangs.
+SECONDS, PATIENCE, MEMORY = 10, 60, 1 << 20  # KiB
 BLOCK = 512
 
 SCENE = """geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
@@ -60,8 +61,9 @@ class Program:
         wrong = []
         if code not in (0, 1, 2, 3, 4, 5):
             wrong.append(f"ended with {code}")
-        if time.monotonic() - start > SECONDS:
-            wrong.append(f"took {time.monotonic() - start:.1f} s")
+        taken = usage.ru_utime + usage.ru_stime
+        if taken > SECONDS:
+            wrong.append(f"took {taken:.1f} s")
         if usage.ru_maxrss > MEMORY:
             wrong.append(f"took {usage.ru_maxrss >> 10} MiB")
         if "panicked" in said:
@@ -73,7 +75,7 @@ class Program:
             done, status, usage = os.wait4(pid, os.WNOHANG)
             if done:
                 return status, usage
-            if time.monotonic() - start > 3 * SECONDS:
+            if time.monotonic() - start > PATIENCE:
                 os.kill(pid, 9)
                 _, status, usage = os.wait4(pid, 0)
                 return status, usage

@@ -239,15 +239,15 @@ pub fn with_effects(scene: &Scene, names: &[String]) -> Result<Scene, ApiError> 
 /// Explains why an effect cannot be switched on.
 fn missing_parameters(effect: &dyn Effect, scene: &Scene) -> ApiError {
     let (name, found) = (effect.name(), effect.assess(scene));
-    let reason = match found {
-        Some(found) if found.verdict != Verdict::Unknown => {
-            return ApiError::bad_request(format!("`{name}`: {}", found.change));
-        }
-        Some(found) => format!(": {}", found.change),
-        None => String::new(),
-    };
-    ApiError::bad_request(format!("`{name}` needs data{reason}"))
-        .help("add its parameters to `properties` of the scene")
+    let lacks_data = found.as_ref().is_none_or(|found| found.verdict == Verdict::NoData);
+    let error = ApiError::bad_request(match found {
+        Some(found) => format!("`{name}`: {}", found.change),
+        None => format!("`{name}`: no data"),
+    });
+    match lacks_data {
+        true => error.help("add its parameters to `properties` of the scene"),
+        false => error,
+    }
 }
 
 /// Merges two sets of effects; an effect of the second one replaces that of the first.
