@@ -228,7 +228,7 @@ mod tests {
         assert_eq!(charts.len(), 3);
         let drawn = charts[1].figure().into_string();
         assert!(
-            drawn.contains("front-2: 1.400 mm at area 8.00 %, third objective -0.400 mm"),
+            drawn.contains("front-2: 1.400 mm at area 8.00 %, third objective −0.400 mm"),
             "{drawn}"
         );
     }
