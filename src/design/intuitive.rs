@@ -10,6 +10,9 @@ use deaflow_pattern::{Bits, Pattern, Raster};
 /// Resolution of distances in cells: rounding errors must not decide which cell is active.
 const RESOLUTION: f64 = 1e-9;
 
+/// Cells: farther than any cell is from a point.
+const FARTHEST: f64 = 2.0 * Raster::MOST as f64;
+
 /// The intuitive design of a goal. Each cell belongs to the nearest point; for equal distances in different states of
 /// the device, to the point behind whose line it lies farther.
 #[derive(Clone, Debug)]
@@ -106,7 +109,10 @@ fn rank(aims: &[PlacedAim], raster: Raster, cell: usize, drivers: &[u8]) -> Rank
     let mut best = (0.0, f64::INFINITY, 0);
     for aim in aims {
         let from = [centre[0] - aim.point[0], centre[1] - aim.point[1]];
-        let (distance, before) = (from[0].hypot(from[1]), before(aim, from));
+        let (distance, before) = (
+            from[0].hypot(from[1]),
+            before(aim, from, [cell % columns, cell / columns]),
+        );
         let is_better = match aim.state != best.2 && rounded(distance) == rounded(best.1) {
             true => before < best.0,
             false => distance < best.1,
@@ -124,13 +130,22 @@ fn rank(aims: &[PlacedAim], raster: Raster, cell: usize, drivers: &[u8]) -> Rank
 }
 
 /// The signed distance of a position relative to its point from the line through the point. The design for a rotation
-/// is a windmill: four blades, each of which pushes one side of the body.
-fn before(aim: &PlacedAim, from: [f64; 2]) -> f64 {
+/// is a windmill: four blades, each of which pushes one side of the body. That for an area covers the region, or all but
+/// the region, the cells that are farther in first.
+fn before(aim: &PlacedAim, from: [f64; 2], cell: [usize; 2]) -> f64 {
     let along = from[0] * aim.direction[0] + from[1] * aim.direction[1];
-    match aim.subject {
+    match &aim.subject {
         Subject::Point | Subject::Translation(_) => along,
         // A side whose force on the membrane changes along the direction is pushed against it.
         Subject::Reaction(_) => -along,
+        Subject::Region(region) => {
+            let distance = from[0].hypot(from[1]);
+            let inside = match region.has(cell) {
+                true => distance - FARTHEST,
+                false => distance,
+            };
+            aim.direction[0] * inside
+        }
         Subject::Rotation(_) => -aim.direction[0] * from[0].hypot(from[1]) * (4.0 * from[1].atan2(from[0])).sin(),
     }
 }
@@ -138,8 +153,8 @@ fn before(aim: &PlacedAim, from: [f64; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Aim, Displacement, Motion};
-    use deaflow_pattern::{Membrane, Symmetry};
+    use crate::{Aim, Displacement, Motion, RegionCells};
+    use deaflow_pattern::{Membrane, Region, Symmetry};
 
     fn intuitive(aims: &[(f64, f64, f64)]) -> Intuitive {
         let aims: Vec<Aim> = aims
@@ -161,6 +176,26 @@ mod tests {
         assert_eq!(design.at_area(0.5), left);
         let down = intuitive(&[(25.0, 25.0, 270.0)]);
         assert_eq!(down.at_own_area(), Pattern::from_fn(Raster::PAPER, |_, y| y >= 25));
+    }
+
+    #[test]
+    fn a_region_that_shall_grow_is_covered_and_one_that_shall_shrink_is_left_bare() {
+        let (membrane, corners) = (Membrane::square(50.0), [[10.0, 20.0], [20.0, 40.0]]);
+        let region = RegionCells::of(&Region::Rectangle(corners), membrane).unwrap();
+        let of = |larger| {
+            let aim = Aim {
+                region: Some(region.clone()),
+                ..Aim::new(region.centroid_mm(), Motion::Grow(larger))
+            };
+            Intuitive::of(&Goal::new(&Displacement, &[aim], membrane, None, 0.0).unwrap(), &[1])
+        };
+        let inside = |x: usize, y: usize| (10..20).contains(&x) && (20..40).contains(&y);
+        assert_eq!(of(true).at_own_area(), Pattern::from_fn(Raster::PAPER, inside));
+        let others = Pattern::from_fn(Raster::PAPER, |x, y| !inside(x, y));
+        assert_eq!(of(false).at_own_area(), others);
+        let wider = of(true).at_area(0.3);
+        assert_eq!(wider.active_cells(), 750);
+        assert!((0..2500).all(|i| !inside(i % 50, i / 50) || wider.cells()[i] == 1));
     }
 
     #[test]

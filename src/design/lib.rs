@@ -39,7 +39,7 @@ pub use local_search::{LocalOptimum, SearchProblem, SearchStep, StartError};
 pub use masks::Masked;
 pub use objective::{
     AREA_PENALTY, Aim, BodyMarkers, Criterion, Displacement, Distance, Goal, GoalError, MEASURES, Masks, Measure,
-    Motion, Objective, PlacedAim, Qin2024, ResponseKind, RoughScore, Subject, value_unit,
+    Motion, Objective, PlacedAim, Qin2024, RegionCells, ResponseKind, RoughScore, Subject, value_unit,
 };
 pub use options::{Method, SearchOptions};
 pub use planned::PlannedDesign;

@@ -173,7 +173,11 @@ fn read_constraints(node: &Node, scene: &Scene) -> Result<ConstraintParameters, 
 fn refuse_points_on_frame(target: &Target, scene: &Scene, node: &Node) -> Result<(), InputError> {
     let Some(parts) = scene.parts() else { return Ok(()) };
     let sides = parts.raster().sides();
-    let points = target.goal.aims().iter().filter(|aim| aim.subject == Subject::Point);
+    let points = target
+        .goal
+        .aims()
+        .iter()
+        .filter(|aim| matches!(aim.subject, Subject::Point));
     let mut cells = points.map(|aim| [0, 1].map(|axis| (aim.point[axis] as usize).min(sides[axis] - 1)));
     match cells.find(|[x, y]| parts.at(*x, *y) == Part::Frame) {
         None => Ok(()),

@@ -407,6 +407,51 @@ fn what_cannot_be_designed_is_refused_with_its_reason() {
 }
 
 #[test]
+fn a_region_shrinks_by_more_than_between_electrodes_that_are_drawn_by_hand() {
+    let workspace = Workspace::new();
+    workspace.write(
+        "lens.yaml",
+        "version: 1
+name: lens
+scene:
+  geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 20 }
+  material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+  drive: { voltage: 5.25 kV }
+stages:
+  lens:
+    kind: design
+    objective: { region: { disc: { centre: [25 mm, 25 mm], radius: 8 mm } }, area_strain: smallest }
+    area: { at_most: 40 % }
+    method: adjoint
+    units: 20
+    starts: 2
+    seed: 1
+  verified: { kind: verify, needs: [lens], elements_per_cell: 2 }
+",
+    );
+    let ended = workspace.run(&["run", "lens.yaml", "--json"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let result = ended.json()["results"][0].clone();
+    let (optimum, intuitive) = (rows(&result, "optimum"), rows(&result, "intuitive-equal-area"));
+    let of = |row: &Value| row["simulated_mm"].as_f64().unwrap();
+    let best = of(&optimum[0]);
+    assert!(
+        best > 0.5 && intuitive.len() == 1 && best > 1.4 * of(&intuitive[0]),
+        "{result}"
+    );
+    let predicted = optimum[0]["predicted_mm"].as_f64().unwrap();
+    assert!((predicted - best).abs() < 0.05 * best, "{predicted} {best}");
+    let report = workspace.run(&["report", "lens.yaml", "-o", "report"]);
+    assert_eq!(report.code, Some(0), "{}", report.stderr);
+    let page = std::fs::read_to_string(workspace.path("report/index.html")).unwrap();
+    assert!(page.contains("the region about (25, 25) mm with the smallest area strain"));
+    let point = "stages.lens.objective.region.disc.radius=1 um";
+    let refused = workspace.run(&["run", "lens.yaml", "--set", point]);
+    assert_eq!(refused.code, Some(2), "{}", refused.stderr);
+    assert!(refused.stderr.contains("contains no cell centre"), "{}", refused.stderr);
+}
+
+#[test]
 fn designs_of_different_objectives_are_not_compared() {
     let workspace = alone();
     let more = [

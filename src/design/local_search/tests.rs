@@ -9,8 +9,8 @@ use deaflow_pattern::{Bits, Membrane, Raster, Region, distance};
 fn goal(motion: Motion) -> Goal {
     let aim = Aim::new([25.0, 25.0], motion);
     let measure: &'static dyn Measure = match motion {
-        Motion::Along(_) | Motion::Turn(_) => &Displacement,
-        Motion::By(..) | Motion::To(_) | Motion::TurnBy(_) => &Distance,
+        _ if motion.has_target() => &Distance,
+        _ => &Displacement,
     };
     Goal::new(measure, &[aim], Membrane::square(50.0), None, 0.0).unwrap()
 }

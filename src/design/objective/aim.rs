@@ -1,18 +1,21 @@
-//! Points and bodies and their target motions, and forces of sides.
+//! Points, bodies and regions and their target motions, and forces of sides.
 
 use super::error::GoalError;
+use super::region::RegionCells;
 use deaflow_field::Field;
 use deaflow_pattern::Membrane;
 
 /// A point or body with its target motion in one state of the device.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Aim {
-    /// Position in mm from the lower left corner of the membrane; of a body its centroid.
+    /// Position in mm from the lower left corner of the membrane; of a body or region its centroid.
     pub point_mm: [f64; 2],
     /// The markers of a rigid body; `None` for a point.
     pub body: Option<BodyMarkers>,
     /// The side whose force counts, in the order of `Edge`, instead of a motion.
     pub reaction: Option<usize>,
+    /// The region whose area counts.
+    pub region: Option<RegionCells>,
     /// The target motion.
     pub motion: Motion,
     /// The weight relative to other aims; positive.
@@ -34,6 +37,10 @@ pub enum Motion {
     Turn(bool),
     /// Rotation of a body by an angle in degrees, counterclockwise.
     TurnBy(f64),
+    /// An area of a region as large as possible; false is as small as possible.
+    Grow(bool),
+    /// An area strain of a region.
+    GrowBy(f64),
 }
 
 /// Two marker points, whose displacements give the translation and rotation of a rigid body.
@@ -50,11 +57,11 @@ pub struct BodyMarkers {
 }
 
 /// An aim in cells of the raster.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PlacedAim {
     /// Position in cells.
     pub point: [f64; 2],
-    /// Unit vector; (1, 0) for a counterclockwise rotation, (−1, 0) for a clockwise one.
+    /// Unit vector; (1, 0) for a counterclockwise rotation and a larger area, (−1, 0) for their opposites.
     pub direction: [f64; 2],
     /// Target displacement in mm; zero without a target.
     pub target: [f64; 2],
@@ -67,7 +74,7 @@ pub struct PlacedAim {
 }
 
 /// What moves.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Subject {
     /// A point.
     Point,
@@ -77,16 +84,19 @@ pub enum Subject {
     Rotation(BodyMarkers),
     /// Nothing: the change of the force of a side on the membrane, in mN in place of mm.
     Reaction(usize),
+    /// The edge of a region: the growth of the disc of the same area.
+    Region(RegionCells),
 }
 
 impl Aim {
     /// The aim of a point with weight 1 in the first state.
     #[must_use]
-    pub const fn new(point_mm: [f64; 2], motion: Motion) -> Self {
+    pub fn new(point_mm: [f64; 2], motion: Motion) -> Self {
         Self {
             point_mm,
             body: None,
             reaction: None,
+            region: None,
             motion,
             weight: 1.0,
             state: 0,
@@ -96,7 +106,7 @@ impl Aim {
     pub(super) fn placed(&self, membrane: &Membrane) -> Result<PlacedAim, GoalError> {
         let mut inside = self.point_mm.iter().zip(membrane.size_mm);
         // Bars are on sides of the membrane.
-        let can_be_on_edge = self.body.is_some() || self.reaction.is_some();
+        let can_be_on_edge = self.body.is_some() || self.reaction.is_some() || self.region.is_some();
         let is_inside = |c: f64, side: f64| (c > 0.0 && c < side) || (can_be_on_edge && (0.0..=side).contains(&c));
         if !inside.all(|(&c, side)| is_inside(c, side)) {
             return Err(GoalError::Point {
@@ -108,12 +118,13 @@ impl Aim {
         if !(self.weight.is_finite() && self.weight > 0.0) {
             return Err(GoalError::Weight(self.weight));
         }
-        let (subject, arm_mm) = match (self.motion.turns(), self.body, self.reaction) {
-            (false, None, Some(side)) => (Subject::Reaction(side), 0.0),
-            (false, None, None) => (Subject::Point, 0.0),
-            (false, Some(markers), _) => (Subject::Translation(markers), 0.0),
-            (true, Some(markers), _) => (Subject::Rotation(markers), markers.arm_mm),
-            (true, None, _) => return Err(GoalError::PointTurns),
+        let (subject, arm_mm) = match (self.motion.turns(), self.body, self.reaction, &self.region) {
+            (false, _, _, Some(region)) => (Subject::Region(region.clone()), region.radius_mm()),
+            (false, None, Some(side), None) => (Subject::Reaction(side), 0.0),
+            (false, None, None, None) => (Subject::Point, 0.0),
+            (false, Some(markers), _, None) => (Subject::Translation(markers), 0.0),
+            (true, Some(markers), ..) => (Subject::Rotation(markers), markers.arm_mm),
+            (true, None, ..) => return Err(GoalError::PointTurns),
         };
         let (direction, target) = self.motion.vectors(arm_mm)?;
         Ok(PlacedAim {
@@ -131,14 +142,15 @@ impl Motion {
     /// Whether there is a target displacement or angle, not only a direction.
     #[must_use]
     pub fn has_target(&self) -> bool {
-        !matches!(self, Self::Along(_) | Self::Turn(_))
+        !matches!(self, Self::Along(_) | Self::Turn(_) | Self::Grow(_))
     }
 
     fn turns(self) -> bool {
         matches!(self, Self::Turn(_) | Self::TurnBy(_))
     }
 
-    /// The direction, and the target displacement in mm; of a rotation the arc length at the end of an arm.
+    /// The direction, and the target displacement in mm; of a rotation the arc length at the end of an arm, of an area
+    /// strain the growth of a radius.
     fn vectors(self, arm_mm: f64) -> Result<([f64; 2], [f64; 2]), GoalError> {
         let direction = |degrees: f64| match degrees.is_finite() {
             true => Ok(unit_vector(degrees)),
@@ -160,6 +172,11 @@ impl Motion {
             Self::TurnBy(degrees) => (
                 [if degrees < 0.0 { -1.0 } else { 1.0 }, 0.0],
                 [degrees.to_radians() * arm_mm, 0.0],
+            ),
+            Self::Grow(larger) => ([if larger { 1.0 } else { -1.0 }, 0.0], [0.0; 2]),
+            Self::GrowBy(strain) => (
+                [if strain < 0.0 { -1.0 } else { 1.0 }, 0.0],
+                [arm_mm * ((1.0 + strain).sqrt() - 1.0), 0.0],
             ),
         };
         match target.iter().all(|c| c.is_finite()) {
@@ -206,15 +223,16 @@ impl BodyMarkers {
 
 impl PlacedAim {
     /// The motion in mm, given the fields in the states of the device: a displacement, or (arc length, 0) of a
-    /// rotation; of a force its change in mN.
+    /// rotation, or (growth of the radius, 0) of a region; of a force its change in mN.
     #[must_use]
     pub fn motion(&self, fields: &[Field]) -> [f64; 2] {
         let field = &fields[self.state];
-        match self.subject {
+        match &self.subject {
             Subject::Point => field.at(self.point),
             Subject::Translation(markers) => markers.translation(field),
             Subject::Rotation(markers) => [markers.arm_mm * markers.angle(field), 0.0],
-            Subject::Reaction(side) => field.reactions()[side],
+            Subject::Reaction(side) => field.reactions()[*side],
+            Subject::Region(region) => [region.growth_mm(field), 0.0],
         }
     }
 
@@ -240,7 +258,7 @@ impl PlacedAim {
     /// the motion: pairs of a corner index in `[y][x]` and the derivatives with respect to both components.
     pub(super) fn slope(&self, fields: &[Field], gradient: [f64; 2]) -> Vec<(usize, [f64; 2])> {
         let field = &fields[self.state];
-        let (markers, by_angle, at_start) = match self.subject {
+        let (markers, by_angle, at_start) = match &self.subject {
             Subject::Point => {
                 let shares = Field::interpolation_weights(field.raster(), self.point).into_iter();
                 return shares
@@ -249,6 +267,7 @@ impl PlacedAim {
             }
             // Forces have their own slopes.
             Subject::Reaction(_) => return Vec::new(),
+            Subject::Region(region) => return region.slope(field, gradient[0]),
             Subject::Rotation(markers) => (markers, markers.arm_mm * gradient[0], [0.0; 2]),
             Subject::Translation(markers) => {
                 let [x, y] = markers.translation_by_angle(field);

@@ -8,7 +8,8 @@ use super::field_file;
 use super::goal::Goal;
 use super::measure::{Displacement, Distance, MEASURES, Measure};
 use super::points::{
-    BarParameters, BodyParameters, MAX_MM, PointOrBody, PointParameters, ROTATIONS, ReactionParameters,
+    AREAS, BarParameters, BodyParameters, MAX_MM, PointOrBody, PointParameters, ROTATIONS, ReactionParameters,
+    RegionParameters,
 };
 use super::robust::{Masks, Robust};
 use crate::text::flow_mapping;
@@ -19,11 +20,9 @@ use deaflow_pattern::Membrane;
 use deaflow_scene::{Scene, Tolerances};
 
 parameters! {
-    /// How displacements are measured.
+    /// How motions are measured.
     #[derive(Default)]
-    struct MeasureParameters as "the objective" {
-        /// Target displacement along each direction.
-        value: Option<Length> [-MAX_MM..=MAX_MM],
+    struct MotionMeasure as "the objective" {
         /// Measure of a motion: its component along the direction (the default for directions), its distance from the
         /// target (the default for targets), or the paper's formula.
         measure: Option<&'static dyn Measure>,
@@ -31,6 +30,19 @@ parameters! {
         time: Option<Time> [0.0..=1e12],
         /// Electrodes as they may be fabricated: the worst value, or the mean less some standard deviations, counts.
         robust: Option<Robust>,
+    }
+}
+
+parameters! {
+    /// How displacements are measured.
+    #[derive(Default)]
+    struct MeasureParameters as "the objective" {
+        /// Target displacement along each direction.
+        value: Option<Length> [-MAX_MM..=MAX_MM],
+    }
+    include {
+        /// What they have in common with areas.
+        motion: MotionMeasure,
     }
 }
 
@@ -78,6 +90,18 @@ parameters! {
         measured: MeasureParameters,
     }
     rules(measure_supports_rotations)
+}
+
+parameters! {
+    /// A region of the membrane and its target area.
+    struct OneRegion as "the objective" {}
+    include {
+        /// The region.
+        region: RegionParameters,
+        /// How it is measured.
+        measured: MotionMeasure,
+    }
+    rules(measure_supports_scalars)
 }
 
 parameters! {
@@ -132,23 +156,31 @@ pub enum ResponseKind {
 
 /// Only measures that support rotations.
 fn measure_supports_rotations(fields: Fields) -> Fields {
-    fields.rule(json!({ "if": { "required": ["rotation"] }, "then": rotation_measures() }))
+    fields.rule(json!({ "if": { "required": ["rotation"] }, "then": scalar_measures() }))
 }
 
-/// Either all points and bodies have targets or none has; rotations need a measure that supports them.
+/// Only measures that support areas.
+fn measure_supports_scalars(fields: Fields) -> Fields {
+    fields.rule(scalar_measures())
+}
+
+/// Either all points, bodies and regions have targets or none has; rotations and areas need a measure that supports
+/// them.
 fn targets_for_all_or_none(fields: Fields) -> Fields {
     let has = |key: &str| json!({ "required": [key] });
     let by_angle = json!({ "required": ["rotation"], "properties": { "rotation": { "not": { "enum": ROTATIONS } } } });
-    let target = json!({ "anyOf": [has("displacement"), has("translation"), by_angle] });
+    let by_strain = json!({ "required": ["region"], "properties": { "area_strain": { "not": { "enum": AREAS } } } });
+    let target = json!({ "anyOf": [has("displacement"), has("translation"), by_angle, by_strain] });
     let both = json!([{ "contains": target }, { "contains": { "not": target } }]);
-    let rotation = json!({ "points": { "contains": has("rotation") } });
+    let is_scalar = json!({ "anyOf": [has("rotation"), has("region")] });
+    let scalars = json!({ "points": { "contains": is_scalar } });
     fields
         .rule(json!({ "properties": { "points": { "not": { "allOf": both } } } }))
-        .rule(json!({ "if": { "properties": rotation, "required": ["points"] }, "then": rotation_measures() }))
+        .rule(json!({ "if": { "properties": scalars, "required": ["points"] }, "then": scalar_measures() }))
 }
 
-fn rotation_measures() -> serde_json::Value {
-    let measures = MEASURES.iter().filter(|measure| measure.supports_rotations());
+fn scalar_measures() -> serde_json::Value {
+    let measures = MEASURES.iter().filter(|measure| measure.supports_scalars());
     let names: Vec<&str> = measures.map(|measure| measure.name()).collect();
     json!({ "properties": { "measure": { "enum": names } } })
 }
@@ -179,12 +211,13 @@ fn refuse_keys_of_motions(
     }
     let given = [
         ("value", measured.value.is_some()),
-        ("time", measured.time.is_some()),
-        ("robust", measured.robust.is_some()),
+        ("time", measured.motion.time.is_some()),
+        ("robust", measured.motion.robust.is_some()),
         ("frequency", frequency.is_some()),
         (
             "measure",
             measured
+                .motion
                 .measure
                 .is_some_and(|measure| measure.name() != Displacement.name()),
         ),
@@ -205,12 +238,8 @@ impl Objective {
         if points.iter().any(PointOrBody::is_reaction) {
             refuse_keys_of_motions(&points, (&measured, &frequency), node)?;
         }
-        let MeasureParameters {
-            measure,
-            value,
-            time,
-            robust,
-        } = measured;
+        let MeasureParameters { value, motion } = measured;
+        let MotionMeasure { measure, time, robust } = motion;
         let has_targets = value.is_some() || points.iter().all(PointOrBody::has_target);
         let default: &'static dyn Measure = if has_targets { &Distance } else { &Displacement };
         let objective = Self {
@@ -261,7 +290,7 @@ impl Objective {
             ),
             _ if is_mixed => refused(
                 "points",
-                "some points and bodies have a target displacement or angle, others only a direction",
+                "some points and bodies have a target displacement, angle or area, others only a direction",
                 "use targets for all of them, or directions for all of them",
             ),
             (_, Some(_)) if targets > 0 => refused(
@@ -269,14 +298,17 @@ impl Objective {
                 "`value` cannot be used with a `displacement`, `translation` or angle",
                 "remove one of them",
             ),
-            (_, Some(_)) if self.points.iter().any(PointOrBody::is_farthest_rotation) => refused(
+            (_, Some(_)) if self.points.iter().any(PointOrBody::is_farthest_scalar) => refused(
                 "value",
-                "`value` is a length and cannot be used with a rotation",
-                "give the target angle as `rotation`",
+                "`value` is a length and cannot be used with a rotation or an area",
+                "give the target as `rotation` or `area_strain`",
             ),
-            _ if !self.measure.supports_rotations() && self.points.iter().any(PointOrBody::is_rotation) => refused(
+            _ if !self.measure.supports_scalars() && self.points.iter().any(PointOrBody::is_scalar) => refused(
                 "measure",
-                &format!("`measure: {}` cannot be used with a rotation", self.measure.name()),
+                &format!(
+                    "`measure: {}` cannot be used with a rotation or an area",
+                    self.measure.name()
+                ),
                 "remove `measure`",
             ),
             _ => Ok(()),
@@ -309,7 +341,8 @@ impl Objective {
     }
 
     /// Reads a point (`{ point, direction }`), a rigid body (`{ body, direction }`), a bar (`{ bar, direction }`) or
-    /// the force of a side (`{ reaction, direction }`), several of them (`{ points: [{ point, direction, weight, state
+    /// the force of a side (`{ reaction, direction }`), the area of a region (`{ region, area_strain }`), several of
+    /// them (`{ points: [{ point, direction, weight, state
     /// }, …] }`), or a target field (`{ field: FILE.csv }`). In place of a direction a point may have a target
     /// `displacement: [x, y]`, a body a `translation: [x, y]` or a `rotation`. Optional keys are `measure`, `value`
     /// (the target displacement along each direction), `time` and `frequency`.
@@ -322,10 +355,8 @@ impl Objective {
             (read.points, read.measured, read.amplitude.frequency)
         } else if node.peek("field").is_some() {
             let FieldObjective { field, time } = FieldObjective::read_with(node, &[])?;
-            let measured = MeasureParameters {
-                time,
-                ..MeasureParameters::default()
-            };
+            let mut measured = MeasureParameters::default();
+            measured.motion.time = time;
             (field.0.into_iter().map(PointOrBody::Point).collect(), measured, None)
         } else if node.peek("body").is_some() {
             let OneBody { body, measured } = OneBody::read_with(node, &[])?;
@@ -333,6 +364,13 @@ impl Objective {
         } else if node.peek("bar").is_some() {
             let OneBar { bar, measured } = OneBar::read_with(node, &[])?;
             (vec![PointOrBody::Bar(bar)], measured, None)
+        } else if node.peek("region").is_some() {
+            let OneRegion { region, measured } = OneRegion::read_with(node, &[])?;
+            let measured = MeasureParameters {
+                value: None,
+                motion: measured,
+            };
+            (vec![PointOrBody::Region(Box::new(region))], measured, None)
         } else if node.peek("reaction").is_some() {
             let reaction = ReactionParameters::read_with(node, &[])?;
             (
@@ -448,6 +486,7 @@ impl Parameter for Objective {
             OneBody::fields(),
             OneBar::fields(),
             ReactionParameters::fields(),
+            OneRegion::fields(),
             ManyPoints::fields(),
             FieldObjective::fields(),
         ];
@@ -529,6 +568,9 @@ mod tests {
             "{ body: 0, direction: 0, robust: { mean_minus: 2, mask: 0.15 mm, misregistration: 0.1 mm } }",
             "{ reaction: right, direction: 180 deg }",
             "{ points: [{ reaction: right, direction: 0, weight: 2 }, { reaction: top, direction: 90 deg, state: on }] }",
+            "{ region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, area_strain: largest }",
+            "{ points: [{ region: { rectangle: [[1 mm, 2 mm], [9 mm, 8 mm]] }, area_strain: 5 %, weight: 2 }, \
+             { point: [1, 2], displacement: [0, 1] }] }",
         ] {
             let objective = read(text).unwrap();
             assert_eq!(read(&objective.to_text()).unwrap().canonical(), objective.canonical());
@@ -572,6 +614,15 @@ mod tests {
             "{ points: [{ reaction: right, direction: 0 }], frequency: 1 Hz }",
             "{ points: [{ reaction: right, direction: 0 }], measure: qin2024 }",
             "{ points: [{ reaction: right, direction: 0 }, { bar: right, direction: 0 }] }",
+            "{ region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } } }",
+            "{ region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, area_strain: larger }",
+            "{ region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, area_strain: 101 % }",
+            "{ region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, area_strain: largest, value: 1 mm }",
+            "{ region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, area_strain: largest, measure: qin2024 }",
+            "{ region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, area_strain: largest, measure: distance }",
+            "{ region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, direction: 0 deg }",
+            "{ points: [{ region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, area_strain: 5 % }, \
+             { point: [1, 2], direction: 0 }] }",
         ] {
             assert!(read(text).is_err(), "{text}");
         }

@@ -1,5 +1,7 @@
 //! Errors of goals.
 
+use deaflow_pattern::Raster;
+
 /// Why a goal is invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum GoalError {
@@ -57,6 +59,23 @@ pub enum GoalError {
     /// The drive is a charge.
     #[error("a `reaction` needs a drive by a voltage; this one is a charge")]
     ReactionOfCharge,
+    /// The region contains no cell.
+    #[error("the `region` contains no cell centre of the membrane of {size}")]
+    Region {
+        /// The sides of the membrane.
+        size: String,
+    },
+    /// The mask of the region has other cells.
+    #[error("the mask of the `region` has {found} cells, but the membrane has {raster}")]
+    RegionMask {
+        /// The cells of the mask.
+        found: Raster,
+        /// The cells of the membrane.
+        raster: Raster,
+    },
+    /// Displacements of membranes with sides that are not held count from rest.
+    #[error("an `area_strain` needs a membrane whose sides are all held")]
+    RegionOfSides,
     /// Forces and motions have no mean.
     #[error("an objective has either motions, in mm, or reactions, in mN")]
     Units,

@@ -164,6 +164,16 @@ impl Goal {
         self.aims.iter().any(PlacedAim::is_reaction)
     }
 
+    /// The largest change of its value for each mm by which every corner is displaced: more than 1 for areas of regions.
+    #[must_use]
+    pub fn value_per_displacement(&self) -> f64 {
+        let of = |aim: &PlacedAim| match &aim.subject {
+            Subject::Region(region) => region.growth_per_displacement().max(1.0),
+            _ => 1.0,
+        };
+        self.aims.iter().map(of).fold(1.0, f64::max)
+    }
+
     /// The unit of its values.
     #[must_use]
     pub fn unit(&self) -> &'static str {
@@ -171,7 +181,7 @@ impl Goal {
     }
 
     /// The value of fields (one per state of the device) in mm: the mean displacement of the points along their
-    /// directions. That of forces is in mN.
+    /// directions. That of forces is in mN. Rotations count as arc lengths, areas as the growth of a radius.
     #[must_use]
     pub fn value_mm(&self, fields: &[Field]) -> f64 {
         self.value_of(&self.motions(fields))
@@ -307,8 +317,8 @@ impl Goal {
         let mut slopes = vec![vec![0.0; 2 * self.raster.corners()]; fields.len()];
         let mut of_forces = vec![Reactions::default(); fields.len()];
         for (aim, gradient) in each {
-            if let Subject::Reaction(side) = aim.subject {
-                let slopes = of_forces[aim.state][side].iter_mut();
+            if let Subject::Reaction(side) = &aim.subject {
+                let slopes = of_forces[aim.state][*side].iter_mut();
                 slopes.zip(gradient).for_each(|(slope, g)| *slope += g);
             }
             for (corner, slope) in aim.slope(fields, gradient) {

@@ -7,6 +7,7 @@ mod field_file;
 mod goal;
 mod measure;
 mod points;
+mod region;
 mod robust;
 mod rough;
 
@@ -15,6 +16,7 @@ pub use definition::{Objective, ResponseKind};
 pub use error::GoalError;
 pub use goal::{AREA_PENALTY, Goal, value_unit};
 pub use measure::{Displacement, Distance, MEASURES, Measure, Qin2024};
+pub use region::RegionCells;
 pub use robust::{Criterion, Masks};
 pub(crate) use robust::{DRAWN, reach};
 pub use rough::RoughScore;

@@ -1,12 +1,13 @@
-//! Points, bodies, bars and forces of sides in an objective in YAML.
+//! Points, bodies, bars, regions and forces of sides in an objective in YAML.
 
 use super::aim::{Aim, BodyMarkers, Motion};
 use super::error::GoalError;
+use super::region::RegionCells;
 use crate::text::flow_value;
 use deaflow_base::{
     Angle, Canonical, Decimal, Declared, Fields, InputError, Length, Map, Node, Parameter, Schema, parameters,
 };
-use deaflow_scene::{Edge, MOST_BODIES, Scene, States};
+use deaflow_scene::{Edge, MOST_BODIES, Scene, Shape, States};
 
 /// Largest coordinate and displacement in mm.
 pub(super) const MAX_MM: f64 = 1e4;
@@ -16,6 +17,12 @@ const ANGLES: std::ops::RangeInclusive<f64> = -179.0..=179.0;
 
 /// The values of `rotation` for a rotation as far as possible.
 pub(super) const ROTATIONS: [&str; 2] = ["clockwise", "counterclockwise"];
+
+/// The values of `area_strain` for an area as large or as small as possible.
+pub(super) const AREAS: [&str; 2] = ["smallest", "largest"];
+
+/// Range of target area strains.
+const STRAINS: std::ops::RangeInclusive<f64> = 0.0..=1.0;
 
 /// The keys for the motion of a body.
 const MOTIONS: [&str; 3] = ["direction", "translation", "rotation"];
@@ -95,13 +102,30 @@ parameters! {
     }
 }
 
-/// A point, a body or a bar, and its target motion; or the force of a side.
+parameters! {
+    /// A region of the membrane and its target area.
+    pub(super) struct RegionParameters as "a region of the objective" {
+        /// A shape; the cells whose centres lie in it count.
+        pub(super) region: Shape,
+        /// `largest` or `smallest` for an area that changes as far as possible, or a target: the change of the area
+        /// relative to that of the prestretched membrane. It counts as the growth of the radius of the disc of the
+        /// same area.
+        pub(super) area_strain: AreaStrain,
+        /// Weight relative to other points.
+        pub(super) weight: Decimal [1e-9..=1e9] = 1.0,
+        /// State of the device, if the scene has several.
+        pub(super) state: Option<StateName>,
+    }
+}
+
+/// A point, a body, a bar or a region, and its target motion; or the force of a side.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum PointOrBody {
     Point(PointParameters),
     Body(BodyParameters),
     Bar(BarParameters),
     Reaction(ReactionParameters),
+    Region(Box<RegionParameters>),
 }
 
 /// The name of a state of the device.
@@ -114,6 +138,14 @@ pub(super) enum Rotation {
     /// As far as possible; true is counterclockwise.
     Farthest(bool),
     By(Angle),
+}
+
+/// The target area of a region.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum AreaStrain {
+    /// As far as possible; true is larger.
+    Farthest(bool),
+    By(Decimal),
 }
 
 fn one_of_two_motions(fields: Fields) -> Fields {
@@ -180,7 +212,7 @@ impl PointOrBody {
     /// The motion of a body or a bar.
     fn rigid(&self) -> Option<&RigidMotion> {
         match self {
-            Self::Point(_) | Self::Reaction(_) => None,
+            Self::Point(_) | Self::Reaction(_) | Self::Region(_) => None,
             Self::Body(body) => Some(&body.motion),
             Self::Bar(bar) => Some(&bar.motion),
         }
@@ -194,6 +226,7 @@ impl PointOrBody {
     pub fn has_target(&self) -> bool {
         let has_vector = match self {
             Self::Point(point) => point.displacement.is_some(),
+            Self::Region(region) => matches!(region.area_strain, AreaStrain::By(_)),
             Self::Body(_) | Self::Bar(_) | Self::Reaction(_) => {
                 self.rigid().is_some_and(|rigid| rigid.translation.is_some())
             }
@@ -205,13 +238,14 @@ impl PointOrBody {
         matches!(self, Self::Reaction(_))
     }
 
-    pub fn is_rotation(&self) -> bool {
-        self.rotation().is_some()
+    /// Whether it is a rotation or an area, which have no direction in the plane.
+    pub fn is_scalar(&self) -> bool {
+        self.rotation().is_some() || matches!(self, Self::Region(_))
     }
 
-    /// Whether it is a rotation as far as possible.
-    pub fn is_farthest_rotation(&self) -> bool {
-        matches!(self.rotation(), Some(Rotation::Farthest(_)))
+    /// Whether it is a rotation or an area that changes as far as possible.
+    pub fn is_farthest_scalar(&self) -> bool {
+        self.is_scalar() && !self.has_target()
     }
 
     /// Keys and values in YAML; the default weight is omitted.
@@ -234,6 +268,10 @@ impl PointOrBody {
                 reaction.entries(&mut entries);
                 reaction.weight
             }
+            Self::Region(region) => {
+                region.entries(&mut entries);
+                region.weight
+            }
         };
         let is_default = weight.to_f64() == 1.0;
         entries.retain(|(key, _)| *key != "weight" || !is_default);
@@ -247,6 +285,7 @@ impl PointOrBody {
             point_mm: centroid_mm,
             body: Some(markers),
             reaction: None,
+            region: None,
             motion: motion.motion(value),
             weight: motion.weight.to_f64(),
             state: 0,
@@ -257,6 +296,7 @@ impl PointOrBody {
                     point_mm: point.point.map(|c| c.value()),
                     body: None,
                     reaction: None,
+                    region: None,
                     motion: point.motion(value),
                     weight: point.weight.to_f64(),
                     state: 0,
@@ -266,10 +306,29 @@ impl PointOrBody {
             Self::Body(body) => (rigid(&body.motion, markers(scene, body.body)?), &body.motion.state),
             Self::Bar(bar) => (rigid(&bar.motion, markers_of_bar(scene, bar.bar)?), &bar.motion.state),
             Self::Reaction(reaction) => (reaction.aim(scene)?, &reaction.state),
+            Self::Region(region) => (region.aim(scene)?, &region.state),
         };
         Ok(Aim {
             state: state_index(scene, state.as_ref())?,
             ..aim
+        })
+    }
+}
+
+impl RegionParameters {
+    fn aim(&self, scene: &Scene) -> Result<Aim, GoalError> {
+        if scene.geometry.sides.is_some() {
+            return Err(GoalError::RegionOfSides);
+        }
+        let region = RegionCells::of(&self.region.region(), scene.membrane())?;
+        let motion = match self.area_strain {
+            AreaStrain::Farthest(larger) => Motion::Grow(larger),
+            AreaStrain::By(strain) => Motion::GrowBy(strain.to_f64()),
+        };
+        Ok(Aim {
+            weight: self.weight.to_f64(),
+            region: Some(region.clone()),
+            ..Aim::new(region.centroid_mm(), motion)
         })
     }
 }
@@ -387,6 +446,8 @@ impl Parameter for PointOrBody {
             BarParameters::read(node, key, &()).map(Self::Bar)
         } else if has("reaction") {
             ReactionParameters::read(node, key, &()).map(Self::Reaction)
+        } else if has("region") {
+            RegionParameters::read(node, key, &()).map(|region| Self::Region(Box::new(region)))
         } else {
             PointParameters::read(node, key, &()).map(Self::Point)
         }
@@ -398,6 +459,7 @@ impl Parameter for PointOrBody {
             Self::Body(body) => body.to_canonical(),
             Self::Bar(bar) => bar.to_canonical(),
             Self::Reaction(reaction) => reaction.to_canonical(),
+            Self::Region(region) => region.to_canonical(),
         })
     }
 
@@ -407,6 +469,7 @@ impl Parameter for PointOrBody {
             BodyParameters::schema(&()),
             BarParameters::schema(&()),
             ReactionParameters::schema(&()),
+            RegionParameters::schema(&()),
         ])
     }
 
@@ -468,5 +531,39 @@ impl Parameter for Rotation {
 
     fn literal(counterclockwise: bool) -> Self {
         Self::Farthest(counterclockwise)
+    }
+}
+
+impl Parameter for AreaStrain {
+    type Limits = ();
+    type Literal = bool;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        match AREAS.iter().position(|word| node.is_text(word)) {
+            Some(at) => Ok(Self::Farthest(at == 1)),
+            None => Decimal::read(node, key, &STRAINS).map(Self::By).map_err(|error| {
+                let is_word = |text: &&str| text.starts_with(char::is_alphabetic);
+                let error = match node.text(key).ok().filter(is_word) {
+                    Some(word) => node.error(format!("`{key}` cannot be {word:?}")),
+                    None => error,
+                };
+                error.help(format!("allowed: {}, or a target from 0 % to 100 %", AREAS.join(", ")))
+            }),
+        }
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        match self {
+            Self::Farthest(larger) => Some(AREAS[usize::from(*larger)].into()),
+            Self::By(strain) => strain.canonical(),
+        }
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::any_of([Schema::word(&AREAS), Decimal::schema(&STRAINS)])
+    }
+
+    fn literal(larger: bool) -> Self {
+        Self::Farthest(larger)
     }
 }

@@ -103,7 +103,14 @@ mod tests {
             let exact = goal.score(&fields);
             assert!((rough.score(&pattern) - exact).abs() < 1e-12 && exact.abs() > 0.1);
         }
-        let many = Goal::new(&Displacement, &[aim(0, Motion::Along(0.0)); 33], membrane, None, 0.0).unwrap();
+        let many = Goal::new(
+            &Displacement,
+            &vec![aim(0, Motion::Along(0.0)); 33],
+            membrane,
+            None,
+            0.0,
+        )
+        .unwrap();
         assert!(RoughScore::new(&many, &device, 2).unwrap().is_none());
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use deaflow_base::{Dimension, Document, InputError, Node, Parameter};
 use deaflow_field::REACTION_UNIT;
-use deaflow_scene::{Edge, Scene};
+use deaflow_scene::{Edge, Scene, Shape};
 
 /// An objective.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -24,10 +24,10 @@ pub struct Objective {
     pub text: String,
 }
 
-/// A point or a rigid body and its target motion.
+/// A point, a rigid body or a region and its target motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TargetPoint {
-    /// Its position in mm from the lower left corner; the centroid of a body.
+    /// Its position in mm from the lower left corner; the centroid of a body or region.
     pub point: [f64; 2],
     /// The number of the body, if it is a body.
     pub body: Option<usize>,
@@ -35,9 +35,12 @@ pub struct TargetPoint {
     pub bar: Option<Edge>,
     /// The side of the membrane, if it is the change of its force.
     pub reaction: Option<Edge>,
+    /// Whether it is a region.
+    pub is_region: bool,
     /// The target motion.
     pub motion: TargetMotion,
-    /// The target displacement in mm along x and y; `None` if it is to be maximized or if the body is to rotate.
+    /// The target displacement in mm along x and y; `None` if it is to be maximized, if the body is to rotate or if the
+    /// area of the region is to change.
     pub by: Option<[f64; 2]>,
     /// The state of the device, if the objective names one.
     pub state: Option<String>,
@@ -52,13 +55,15 @@ pub enum TargetMotion {
     Along(f64),
     /// Rotation, as in the objective: `clockwise`, `counterclockwise`, or an angle.
     Turn(String),
+    /// Area strain, as in the objective: `largest`, `smallest`, or a share.
+    Grow(String),
 }
 
 impl fmt::Display for TargetMotion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Along(degrees) => rounded(*degrees).fmt(f),
-            Self::Turn(how) => f.write_str(&how.replace(' ', "")),
+            Self::Turn(how) | Self::Grow(how) => f.write_str(&how.replace(' ', "")),
         }
     }
 }
@@ -119,7 +124,10 @@ impl Objective {
     /// Returns what its values are.
     #[must_use]
     pub fn quantity(&self) -> &'static str {
-        quantity(self.unit())
+        match !self.targets.is_empty() && self.targets.iter().all(|target| target.is_region) {
+            true => "growth of the radius",
+            false => quantity(self.unit()),
+        }
     }
 
     /// Returns the points that are listed; none for a field.
@@ -189,6 +197,10 @@ impl TargetPoint {
             (Some(body), ..) => format!("body {body}"),
             (None, Some(bar), _) => format!("the bar on the {} side", bar.name()),
             (None, None, Some(side)) => format!("the {} side on the membrane", side.name()),
+            (None, None, None) if self.is_region => {
+                let [x, y] = self.point.map(rounded);
+                format!("the region about ({x}, {y}) mm")
+            }
             (None, None, None) => format!("({}, {}) mm", self.point[0], self.point[1]),
         };
         let motion = match (&self.motion, self.by) {
@@ -198,6 +210,10 @@ impl TargetPoint {
                 format!("at {}°", degrees.trim_end_matches('0').trim_end_matches('.'))
             }
             (TargetMotion::Turn(how), _) => format!("rotated {how}"),
+            (TargetMotion::Grow(how), _) => match how.starts_with(char::is_alphabetic) {
+                true => format!("with the {how} area strain"),
+                false => format!("with an area strain of {how}"),
+            },
         };
         let state = self
             .state
@@ -233,9 +249,9 @@ pub fn quantity(unit: &str) -> &'static str {
     }
 }
 
-/// The key of an objective with one point, body, bar or force.
+/// The key of an objective with one point, body, bar, region or force.
 fn one_target(root: &Node) -> Option<&Node> {
-    ["point", "body", "bar", "reaction"]
+    ["point", "body", "bar", "reaction", "region"]
         .into_iter()
         .find_map(|key| root.peek(key))
 }
@@ -248,9 +264,11 @@ fn target_point(node: &Node, scene: &Scene) -> Result<TargetPoint, InputError> {
     let body = body.map(|body| body as usize);
     let side = |key| node.peek(key).map(|side| Edge::read(side, key, &())).transpose();
     let (bar, reaction) = (side("bar")?, side("reaction")?);
+    let region = node.peek("region").map(|region| centroid(region, scene)).transpose()?;
     Ok(TargetPoint {
-        point: match (body, bar.or(reaction)) {
-            (Some(body), _) => {
+        point: match (body, bar.or(reaction), region) {
+            (.., Some(centroid)) => centroid,
+            (Some(body), ..) => {
                 let centroid = scene.centroid_of_body(body);
                 centroid.ok_or_else(|| {
                     node.error(format!(
@@ -258,12 +276,13 @@ fn target_point(node: &Node, scene: &Scene) -> Result<TargetPoint, InputError> {
                     ))
                 })?
             }
-            (None, Some(side)) => side.middle(scene.membrane().size_mm),
-            (None, None) => pair(node.peek("point").ok_or_else(|| missing(node, "point"))?, "point")?,
+            (None, Some(side), None) => side.middle(scene.membrane().size_mm),
+            (None, None, None) => pair(node.peek("point").ok_or_else(|| missing(node, "point"))?, "point")?,
         },
         body,
         bar,
         reaction,
+        is_region: region.is_some(),
         motion: motion(node)?,
         by: vector(node).map(|(key, vector)| pair(vector, key)).transpose()?,
         weight: text_of(node, "weight")?,
@@ -271,9 +290,30 @@ fn target_point(node: &Node, scene: &Scene) -> Result<TargetPoint, InputError> {
     })
 }
 
+/// Returns the centroid of a region in mm: the mean of the centres of its cells.
+fn centroid(region: &Node, scene: &Scene) -> Result<[f64; 2], InputError> {
+    let membrane = scene.membrane();
+    let cells = Shape::read(region, "region", &())?.region().cells(membrane);
+    let [columns, rows] = membrane.raster.sides();
+    let all = (0..rows).flat_map(|y| (0..columns).map(move |x| [x, y]));
+    let (mut sum, mut count) = ([0.0; 2], 0.0_f64);
+    for [x, y] in all.filter(|[x, y]| cells.has(*x, *y)) {
+        let [a, b] = membrane.centre_mm(x, y);
+        sum = [sum[0] + a, sum[1] + b];
+        count += 1.0;
+    }
+    match count > 0.0 {
+        true => Ok(sum.map(|sum| sum / count)),
+        false => Err(region.error("the region contains no cell centre of the membrane")),
+    }
+}
+
 fn motion(node: &Node) -> Result<TargetMotion, InputError> {
     if let Some(rotation) = node.peek("rotation") {
         return Ok(TargetMotion::Turn(rotation.text("rotation")?.to_owned()));
+    }
+    if let Some(strain) = node.peek("area_strain") {
+        return Ok(TargetMotion::Grow(strain.text("area_strain")?.to_owned()));
     }
     match (node.peek("direction"), vector(node)) {
         (Some(direction), _) => {
@@ -374,5 +414,18 @@ mod tests {
         assert!(!turned.is_met && of("{ body: 0, rotation: 5 deg, measure: distance }").is_met);
         assert!(is_to_be_met("{ body: 0, rotation: 5 deg, measure: distance }") && !is_to_be_met("["));
         assert!(Objective::read("{ body: 1, direction: 0 }", &scene).is_err());
+        let region = "region: { rectangle: [[10 mm, 20 mm], [14 mm, 30 mm]] }";
+        let grown = of(&format!("{{ {region}, area_strain: largest, measure: displacement }}"));
+        assert_eq!((grown.quantity(), grown.unit()), ("growth of the radius", "mm"));
+        assert_eq!(
+            grown.description(),
+            "the region about (12, 25) mm with the largest area strain"
+        );
+        let met = of(&format!("{{ {region}, area_strain: 5 %, measure: distance }}"));
+        assert_eq!(
+            met.description(),
+            "the region about (12, 25) mm with an area strain of 5 %"
+        );
+        assert_eq!((met.coordinates(1).as_str(), met.is_met), ("25", true));
     }
 }

@@ -208,7 +208,7 @@ impl SolvedStates {
         let bounds = states.iter().map(|state| state.result.discretisation_error);
         // It is one of displacements, and not of forces.
         let bounds = bounds.collect::<Option<Vec<f64>>>().filter(|_| !goal.is_reaction());
-        let bound = bounds.map(|errors| errors.into_iter().fold(0.0, f64::max));
+        let bound = bounds.map(|errors| goal.value_per_displacement() * errors.into_iter().fold(0.0, f64::max));
         Simulated {
             outcome: without.unwrap_or(states[0].result.simulation.outcome),
             error: self

@@ -74,6 +74,19 @@ check(BODY, {"voltage": "5 kV"}, {"body": 0, "rotation": "counterclockwise"}, {"
 target = {"point": ["20 mm", "12 mm"], "displacement": ["0.5 mm", "0.2 mm"]}
 check(BODY, {"voltage": "5 kV"}, target, {"elements_per_cell": 1, "order": 2})
 
+# The value of an area is that of the polygon of the deformed corners, by the formula of Gauss.
+region = {"region": {"rectangle": [["30 mm", "5 mm"], ["50 mm", "20 mm"]]}, "area_strain": "largest"}
+_, _, device = check(BODY, {"voltage": "5 kV"}, region, {"elements_per_cell": 1, "order": 2})
+pattern = np.zeros((6, 12), dtype=int)
+pattern[1:4, 6:10] = 1
+value, _ = device.value_and_gradient(pattern, region, elements_per_cell=1, order=2)
+u = device.solve(pattern, elements_per_cell=1, order=2).displacement[0]
+corners = [(1, i) for i in range(6, 10)] + [(j, 10) for j in range(1, 4)]
+corners += [(4, i) for i in range(10, 6, -1)] + [(j, 6) for j in range(4, 1, -1)]
+x, y = np.array([[5.0 * i, 5.0 * j] + u[j, i] for j, i in corners]).T
+area = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
+assert abs(value - (np.sqrt(area / np.pi) - np.sqrt(300 / np.pi))) < 1e-9 and value > 0.2, value
+
 groups = random.integers(1, 3, (4, 8))
 bar = {"bar": "right", "direction": "0 deg"}
 check(STRIP, {"voltages": ["4 kV", "3 kV"]}, bar, {"elements_per_cell": 2}, groups)

@@ -244,6 +244,37 @@ stages:
   points: { kind: design, seed: 1, objective: { points: [{ point: [10, 10], direction: 0 }], frequency: 1 kHz } }
 ";
 
+/// Designs for areas of regions.
+const REGIONS: &str = "
+version: 1
+name: regions
+scene:
+  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
+  material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+  states: { push: { voltages: [5 kV, 0 V] }, pull: { voltages: [0 V, 5 kV] } }
+stages:
+  grown: { kind: design, seed: 1, objective: { region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, area_strain: largest, weight: 2, state: push } }
+  several: { kind: design, seed: 1, targets: [{ name: one, objective: { region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, area_strain: smallest, weight: 2, state: push } },
+      { name: three, objective: { region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, area_strain: largest, state: push, measure: displacement } },
+      { name: two, objective: { points: [{ region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, area_strain: 5 %, weight: 2, state: pull }] } }] }
+  together: { kind: design, seed: 1, objective: { points: [{ region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, area_strain: 0.05, weight: 2, state: pull }] } }
+  measured: { kind: design, seed: 1, objective: { region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, area_strain: largest, state: push, measure: displacement } }
+";
+
+/// The same at a time.
+const GROWTH: &str = "
+version: 1
+name: growth
+scene:
+  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
+  material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+  drive: { voltage: 5 kV }
+  effects: { viscoelasticity: { law: linear, branches: [{ modulus: 20 kPa, time: 30 s }] } }
+stages:
+  several: { kind: design, seed: 1, targets: [{ name: one, objective: { region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, area_strain: largest, time: 1 s } }] }
+  grown: { kind: design, seed: 1, objective: { region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, area_strain: largest, time: 1 s } }
+";
+
 /// A word that tells mappings apart may be the value of an axis too.
 pub const SWEPT_WORDS: &str = "
 version: 1
@@ -436,7 +467,8 @@ pub fn of(kind: Kind) -> Vec<Value> {
             let pipeline = PIPELINE.to_owned() + &stages.collect::<String>();
             let of_points = with_robust(json(&pipeline), ["point", "points"]);
             let of_bodies = with_robust(json(DEVICE), ["body", "bar"]);
-            let all = [of_points, of_bodies, json(CREEP), json(SWING)];
+            let of_regions = with_robust(json(REGIONS), ["region", "points"]);
+            let all = [of_points, of_bodies, of_regions, json(GROWTH), json(CREEP), json(SWING)];
             all.map(with_fronts).to_vec()
         }
         Kind::Scene => {

@@ -1,7 +1,8 @@
 use super::*;
+use crate::RegionCells;
 use crate::objective::aim::{BodyMarkers, Motion};
 use crate::objective::measure::{Displacement, Distance, Qin2024};
-use deaflow_pattern::{Pattern, Raster};
+use deaflow_pattern::{Pattern, Raster, Region};
 
 /// The field that is `u` everywhere off the frame.
 fn uniform(u: [f64; 2]) -> [Field; 1] {
@@ -228,9 +229,53 @@ fn forces_of_sides_have_their_own_slopes() {
         let difference = (moved(1e-3) - moved(-1e-3)) / 2e-3;
         assert!((slope.reactions()[side][c] - difference).abs() < 1e-9, "{side} {c}");
     }
-    let mixed = [aims[0], Aim::new([25.0, 25.0], Motion::Along(0.0))];
+    let mixed = [aims[0].clone(), Aim::new([25.0, 25.0], Motion::Along(0.0))];
     let mixed = Goal::new(&Displacement, &mixed, Membrane::square(50.0), None, 0.0);
     assert_eq!(mixed, Err(GoalError::Units));
+}
+
+#[test]
+fn areas_of_regions_have_slopes_and_targets() {
+    let region = RegionCells::of(&Region::Rectangle([[20.0, 20.0], [30.0, 28.0]]), Membrane::square(50.0)).unwrap();
+    let of = |measure: &'static dyn Measure, motions: [Motion; 2]| {
+        let aims = [region.clone().into(), None].into_iter().zip(motions);
+        let aims = aims.map(|(region, motion)| Aim {
+            region,
+            ..Aim::new([25.0, 24.0], motion)
+        });
+        Goal::new(measure, &aims.collect::<Vec<_>>(), Membrane::square(50.0), None, 0.0).unwrap()
+    };
+    let larger = of(&Displacement, [Motion::Grow(true), Motion::Along(0.0)]);
+    let smaller = of(&Displacement, [Motion::Grow(false), Motion::Along(180.0)]);
+    let target = of(&Distance, [Motion::GrowBy(0.21), Motion::To([1.0, 0.0])]);
+    // Every length grows by 10 %.
+    let grown = (0..51 * 51).flat_map(|i| [0.1 * f64::from(i % 51), 0.1 * f64::from(i / 51)]);
+    let grown = [Field::from_values(Raster::PAPER, grown.collect()).unwrap()];
+    let (radius, u) = (region.radius_mm(), 2.5);
+    assert!((larger.value_mm(&grown) - (0.1 * radius + u) / 2.0).abs() < 1e-12);
+    assert!((larger.value_mm(&grown) + smaller.value_mm(&grown)).abs() < 1e-12);
+    // The area is met, the point is (1.5, 2.4) mm away.
+    let missed = (0.5 * (1.5 * 1.5 + 2.4 * 2.4_f64)).sqrt();
+    assert!((target.distance_mm(&grown).unwrap() - missed).abs() < 1e-12);
+    assert!(larger.value_per_displacement() > 1.1 && larger.value_per_displacement() < 1.2);
+    let base = [wavy(5).scaled(0.2)];
+    for goal in [larger, smaller, target] {
+        let slope = goal.slope(&base).remove(0);
+        for at in [
+            2 * (20 * 51 + 20),
+            2 * (28 * 51 + 30) + 1,
+            2 * (24 * 51 + 25),
+            2 * (20 * 51 + 26) + 1,
+        ] {
+            let moved = |by: f64| {
+                let mut values = base[0].values().to_vec();
+                values[at] += by;
+                goal.score(&[Field::from_values(Raster::PAPER, values).unwrap()])
+            };
+            let difference = (moved(1e-4) - moved(-1e-4)) / 2e-4;
+            assert!((slope.values()[at] - difference).abs() < 1e-8, "{at}: {difference}");
+        }
+    }
 }
 
 #[test]
@@ -257,7 +302,14 @@ fn points_are_placed_by_the_side_of_the_membrane() {
 fn an_area_above_the_largest_one_is_a_violation_and_a_smaller_one_is_not() {
     let aim = Aim::new([25.0, 25.0], Motion::Along(0.0));
     for penalty in [0.0, AREA_PENALTY] {
-        let near = Goal::new(&Displacement, &[aim], Membrane::square(50.0), Some(0.3), penalty).unwrap();
+        let near = Goal::new(
+            &Displacement,
+            std::slice::from_ref(&aim),
+            Membrane::square(50.0),
+            Some(0.3),
+            penalty,
+        )
+        .unwrap();
         let largest = near.clone().with_largest_area(true);
         assert_eq!(largest.fitness_of(0.3, 0.8), 1.0 - 0.8);
         assert_eq!(largest.fitness_of(0.1, 0.8), 1.0 - 0.8);

@@ -28,8 +28,8 @@ pub trait Measure: Sync {
         false
     }
 
-    /// Whether rotations of bodies can be measured.
-    fn supports_rotations(&self) -> bool {
+    /// Whether rotations of bodies and areas of regions can be measured.
+    fn supports_scalars(&self) -> bool {
         true
     }
 

@@ -11,7 +11,7 @@ impl Measure for Qin2024 {
         "qin2024"
     }
 
-    fn supports_rotations(&self) -> bool {
+    fn supports_scalars(&self) -> bool {
         false
     }
 
