@@ -8,6 +8,7 @@
 
 mod device;
 mod error;
+mod regression;
 mod sampling;
 mod statistics;
 mod study;

@@ -1,11 +1,11 @@
 //! What samples say: mean, deviation, quantiles, yield and which tolerance matters, each with an interval.
 
 use deaflow_base::{four_digits, measured};
-use deaflow_linalg::{Mat, eigen};
 use serde::Serialize;
 use statrs::distribution::{Binomial, DiscreteCDF};
 
 use crate::device::Source;
+use crate::regression::Fit;
 use crate::study::{Device, Failure};
 
 /// The deviation of a normal distribution within which 95 % lie.
@@ -16,6 +16,8 @@ const PROBABILITIES: [f64; 3] = [0.05, 0.5, 0.95];
 const FAILURES: usize = Failure::ALL.len();
 /// Fewest devices from which shares of the variance are estimated.
 const FEWEST: usize = 32;
+/// Fewest devices for each control variate of a mean.
+const DEVICES_PER_CONTROL: usize = 10;
 /// A standard deviation relative to the mean that is rounding.
 const NONE: f64 = 1e-9;
 /// Powers of a deviation that a regression has, from the first.
@@ -26,7 +28,7 @@ const POWERS: usize = 3;
 pub struct Estimate {
     /// The number.
     pub value: f64,
-    /// Its interval; as if the samples were independent, which is too wide for a Sobol' sequence.
+    /// Its interval; except for means as if the samples were independent, which is too wide for a Sobol' sequence.
     pub interval: [f64; 2],
 }
 
@@ -59,7 +61,7 @@ pub struct Yield {
     pub samples: usize,
     /// Number of devices that fail for each reason.
     pub failures: [(Failure, usize); FAILURES],
-    /// The mean displacement in mm of the devices that do not fail; `None` without any.
+    /// The mean displacement in mm of the devices that do not fail, with control variates; `None` without any.
     pub mean: Option<Estimate>,
     /// The standard deviation in mm of these; `None` with fewer than two.
     pub deviation: Option<Estimate>,
@@ -107,7 +109,7 @@ impl Yield {
         Self {
             samples: devices.len(),
             failures: Failure::ALL.map(|failure| (failure, count(failure))),
-            mean: mean(&values),
+            mean: mean(devices, &values, varying),
             deviation: deviation(&values),
             quantiles: PROBABILITIES.map(|probability| quantile(&sorted, probability)).to_vec(),
             reached,
@@ -120,14 +122,54 @@ fn average(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-fn mean(values: &[f64]) -> Option<Estimate> {
-    let n = values.len() as f64;
-    let value = average(values);
-    let half = deviation(values).map_or(f64::INFINITY, |deviation| NORMAL_95 * deviation.value / n.sqrt());
+/// Returns the mean, with the deviations and their products as control variates: their means are known, so that the
+/// interval is that of what they do not explain. Without the devices that fail the means of the others are unknown, and
+/// the interval is that of independent devices.
+fn mean(devices: &[Device], values: &[f64], varying: &[Source]) -> Option<Estimate> {
+    let deviation = deviation(values);
+    let spread = deviation.map_or(f64::INFINITY, |deviation| deviation.value);
+    let plain = (average(values), spread);
+    let controlled = match values.len() == devices.len() {
+        true => with_controls(devices, values, varying),
+        false => None,
+    };
+    let (value, spread) = controlled.unwrap_or(plain);
+    let half = NORMAL_95 * spread / (values.len() as f64).sqrt();
     (!values.is_empty()).then_some(Estimate {
         value,
         interval: [value - half, value + half],
     })
+}
+
+/// Returns the mean with control variates, and the standard deviation of what these do not explain; `None` with few
+/// devices. Linear and quadratic functions of the deviations are controls, with fewer devices linear ones alone.
+fn with_controls(devices: &[Device], values: &[f64], varying: &[Source]) -> Option<(f64, f64)> {
+    let count = varying.len();
+    let linear = |device: &Device| -> Vec<f64> { varying.iter().map(|source| device.deviation(*source)).collect() };
+    let quadratic = |device: &Device| {
+        let own = linear(device);
+        let products = (0..count).flat_map(|i| (0..=i).map(move |k| [i, k]));
+        let products: Vec<f64> = products.map(|[i, k]| own[i] * own[k]).collect();
+        [own, products].concat()
+    };
+    // The mean of the square of a standard normal deviation is 1, that of all others is 0.
+    let mut expected = vec![0.0; count];
+    for i in 0..count {
+        expected.extend((0..=i).map(|k| f64::from(u8::from(i == k))));
+    }
+    let suffice = |functions: usize| values.len() >= DEVICES_PER_CONTROL * (1 + functions);
+    let functions: Vec<Vec<f64>> = if suffice(expected.len()) {
+        devices.iter().map(quadratic).collect()
+    } else if suffice(count) {
+        devices.iter().map(linear).collect()
+    } else {
+        return None;
+    };
+    let used = functions.first().filter(|row| !row.is_empty())?.len();
+    let fit = Fit::new(&functions, values)?;
+    let free = (values.len() - 1 - used) as f64;
+    let unexplained = (fit.total - fit.explained).max(0.0) / free;
+    Some((fit.mean_at(&expected[..used]), unexplained.sqrt()))
 }
 
 /// Returns the standard deviation; its interval is that of a normal distribution of many values.
@@ -208,44 +250,19 @@ fn shares(devices: &[Device], varying: &[Source]) -> Vec<(Source, f64)> {
         .collect();
     let values: Vec<f64> = known.iter().map(|(_, value)| *value).collect();
     let mean = average(&values);
-    let Some(total) = deviation(&values).filter(|total| total.value > NONE * mean.abs() && known.len() >= FEWEST)
-    else {
+    let differs = deviation(&values).is_some_and(|total| total.value > NONE * mean.abs());
+    if !differs || known.len() < FEWEST {
         return Vec::new();
-    };
+    }
     let n = known.len() as f64;
-    let variance = total.value.powi(2) * (n - 1.0);
     let share = |source: &Source| {
-        // Centred powers, so that the constant is the mean.
-        let powers: Vec<[f64; POWERS]> = known
-            .iter()
-            .map(|(device, _)| {
-                let deviation = device.deviation(*source);
-                std::array::from_fn(|power| deviation.powi(power as i32 + 1))
-            })
-            .collect();
-        let means: [f64; POWERS] =
-            std::array::from_fn(|power| powers.iter().map(|row| row[power]).sum::<f64>() / known.len() as f64);
-        let centred = |row: &[f64; POWERS], power: usize| row[power] - means[power];
-        let normal = Mat::from_fn(POWERS, POWERS, |i, k| {
-            powers.iter().map(|row| centred(row, i) * centred(row, k)).sum::<f64>()
+        let powers = known.iter().map(|(device, _)| {
+            let deviation = device.deviation(*source);
+            (1..=POWERS).map(|power| deviation.powi(power as i32)).collect()
         });
-        let right: Vec<f64> = (0..POWERS)
-            .map(|i| {
-                let products = powers.iter().zip(&values);
-                products.map(|(row, value)| centred(row, i) * (value - mean)).sum()
-            })
-            .collect();
-        // The explained sum of squares is rᵀ N⁻¹ r.
-        let found = eigen(&normal)?;
-        let explained: f64 = (0..POWERS)
-            .filter(|mode| found.values[*mode] > 0.0)
-            .map(|mode| {
-                let part: f64 = (0..POWERS).map(|i| found.vectors[(i, mode)] * right[i]).sum();
-                part * part / found.values[mode]
-            })
-            .sum();
+        let fit = Fit::new(&powers.collect::<Vec<_>>(), &values)?;
         // What a regression on anything would explain is left out.
-        let unexplained = (1.0 - explained / variance) * (n - 1.0) / (n - 1.0 - POWERS as f64);
+        let unexplained = (1.0 - fit.explained / fit.total) * (n - 1.0) / (n - 1.0 - POWERS as f64);
         Some((*source, (1.0 - unexplained).max(0.0)))
     };
     let mut all: Vec<(Source, f64)> = varying.iter().filter_map(share).collect();

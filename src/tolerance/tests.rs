@@ -217,6 +217,54 @@ fn the_half_plane_has_its_known_yield() {
     assert!(found.shares.is_sorted_by(|a, b| a.1 >= b.1));
 }
 
+/// The mean of a known function of the deviations, and of lost cells, which no deviation explains.
+#[test]
+fn intervals_of_means_contain_the_mean_and_are_narrow() {
+    const SEEDS: u64 = 100;
+    let varying = [Source::Voltage, Source::Thickness, Source::Mask];
+    let known = 0.005_f64.exp();
+    for (samples, narrower) in [(512, 8.0), (60, 3.0), (20, 0.9)] {
+        let mut inside = 0;
+        for seed in 0..SEEDS {
+            let mut lost = Stream::new(seed, "test", 0);
+            let device = |index| {
+                let deviations = deviations(seed, index);
+                let [v, t, m] = varying.map(|source| deviations[source as usize]);
+                Device {
+                    deviations,
+                    value: Ok((0.1 * v).exp() + 0.02 * t * m + 0.005 * lost.normal()),
+                }
+            };
+            let devices: Vec<Device> = (0..samples).map(device).collect();
+            let found = Yield::of(&devices, &varying, None);
+            let (mean, plain) = (
+                found.mean.unwrap(),
+                found.deviation.unwrap().value / f64::from(samples).sqrt(),
+            );
+            let half = 0.5 * (mean.interval[1] - mean.interval[0]);
+            assert!(half * narrower < 1.96 * plain, "{samples}: {half} {plain}");
+            inside += u64::from(mean.interval[0] <= known && known <= mean.interval[1]);
+        }
+        assert!(inside >= 90, "{samples}: {inside} of {SEEDS}");
+    }
+    // Devices that fail have no known means of their deviations.
+    let mut devices: Vec<Device> = (0..512)
+        .map(|index| Device {
+            deviations: deviations(1, index),
+            value: Ok(deviations(1, index)[0]),
+        })
+        .collect();
+    devices
+        .iter_mut()
+        .filter(|device| device.value.is_ok_and(|value| value > 1.5))
+        .for_each(|device| device.value = Err(Failure::Unstable));
+    let found = Yield::of(&devices, &[Source::Voltage], None);
+    let (mean, deviation) = (found.mean.unwrap(), found.deviation.unwrap().value);
+    let survivors = (512 - found.failed()) as f64;
+    assert!(found.failed() > 20 && mean.value < -0.1, "{mean:?}");
+    assert!((mean.interval[1] - mean.value - 1.959_963_985 * deviation / survivors.sqrt()).abs() < 1e-9);
+}
+
 /// The voltage, the permittivity, the modulus and the thickness act by one number: V² ε/(μ H²).
 #[test]
 fn what_acts_by_one_number_has_one_distribution() {
