@@ -264,7 +264,9 @@ fn read_needs<'a>(
     let mut add = |key: &str, item: &'a Node| {
         let index = stage_named(item, key, names, places)?;
         if !seen.insert(index) {
-            return Err(item.error(format!("`{}` is listed twice", names[index])));
+            return Err(item
+                .error(format!("`{}` is listed twice", names[index]))
+                .help("name it once, in `needs` or in another key"));
         }
         out.push((index, item));
         Ok(())

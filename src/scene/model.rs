@@ -11,7 +11,10 @@ use super::loads::Loads;
 use super::sides::Sides;
 use super::waveform::Waveform;
 use deaflow_base::{Decimal, Stress, Voltage, parameters, words};
-use deaflow_pattern::{Bits, Borders, Electrodes, Membrane, Parts, Pattern, PatternForm, Symmetries};
+use deaflow_pattern::{Bits, Borders, Electrodes, Membrane, Parts, Pattern, PatternForm, Polygons, Symmetries};
+
+/// Share of the area of a body by which its border may differ from that of its cells by rounding.
+const SAME_BORDER: f64 = 1e-9;
 
 /// ε₀ in F/m (CODATA 2018).
 pub const VACUUM_PERMITTIVITY: f64 = 8.854_187_812_8e-12;
@@ -357,6 +360,26 @@ impl Scene {
             sum / cells.len() as f64
         };
         (!cells.is_empty()).then(|| [mean(0), mean(1)])
+    }
+
+    /// Returns the border of a rigid body in mm that elements follow, if that is not the border of its cells.
+    #[must_use]
+    pub fn border_of_body(&self, body: usize) -> Option<Polygons> {
+        let borders = self.borders()?;
+        let (border, membrane) = (borders.bodies.get(body)?, self.membrane());
+        let parts = self.parts()?;
+        let cells = Bits::from_fn(membrane.raster, |x, y| parts.at(x, y).body() == Some(body));
+        let of_cells = Polygons::of_cells(&cells, membrane);
+        let differs = border.without(&of_cells).area() + of_cells.without(border).area();
+        (differs > SAME_BORDER * border.area()).then(|| border.clone())
+    }
+
+    /// Returns a number to add to the RECIPE of kinds that measure bodies: they took points beside a body whose border
+    /// elements follow.
+    #[must_use]
+    pub fn body_revision(&self) -> u32 {
+        let bodies = self.geometry.bodies.as_ref().map_or(0, Vec::len);
+        1024 * u32::from((0..bodies).any(|body| self.border_of_body(body).is_some()))
     }
 
     /// Returns the breakdown strength of the elastomer, from the effects or the properties.

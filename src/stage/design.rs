@@ -676,7 +676,8 @@ impl Stage for DesignStage {
     }
 
     fn revision(&self) -> u32 {
-        revision_of(&self.scene) + Scene::area_revision(self.scene.free_cells().as_ref())
+        let of_area = Scene::area_revision(self.scene.free_cells().as_ref());
+        revision_of(&self.scene) + of_area + self.scene.body_revision()
     }
 
     fn unit(&self) -> &'static str {

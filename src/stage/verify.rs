@@ -203,6 +203,9 @@ struct Cases {
 #[derive(Clone)]
 struct CaseGoal {
     goal: Goal,
+    /// The goal on cells and on the shapes that they stand for, if there are any, by which errors of geometry are
+    /// measured; `None` inside if a body has too few cells.
+    on_both: Option<Option<[Goal; 2]>>,
     /// The index of the time among the requested times.
     time_index: usize,
     /// The solvers, if the response is an amplitude.
@@ -224,7 +227,10 @@ impl Stage for VerifyStage {
             Some(_) => 0,
             None => geometry_revision(&self.scene),
         };
-        self.solver.revision(&self.scene) + Scene::area_revision(self.scene.free_cells().as_ref()) + of_errors
+        let of_area = Scene::area_revision(self.scene.free_cells().as_ref());
+        // Errors of geometry are those of bodies on shapes.
+        let on_shapes = GeometryError::scenes(&self.scene).map_or(0, |[_, on_shapes]| on_shapes.body_revision());
+        self.solver.revision(&self.scene) + of_area + of_errors + on_shapes.max(self.scene.body_revision())
     }
 
     // Its inputs contain whole searches; only the designs are simulated.
@@ -311,6 +317,11 @@ impl VerifyStage {
     fn goal(&self, text: &str, states: &[Scene]) -> Result<CaseGoal, String> {
         let objective = design::stored_objective(text)?;
         let goal = objective.goal(&self.scene, None, 0.0).map_err(|e| e.to_string())?;
+        let scenes = GeometryError::scenes(&self.scene);
+        let on_both = scenes.map(|scenes| {
+            let [on_cells, on_shapes] = scenes.each_ref().map(|scene| objective.goal(scene, None, 0.0));
+            Some([on_cells.ok()?, on_shapes.ok()?])
+        });
         let response = objective.response();
         let index = time_index(response, &self.solver);
         let time_index = index.map_err(|(what, help)| format!("its design {what}: {help}"))?;
@@ -344,6 +355,7 @@ impl VerifyStage {
         };
         Ok(CaseGoal {
             goal,
+            on_both,
             time_index,
             amplitude,
         })

@@ -381,6 +381,10 @@ impl Stage for YieldStage {
         self.parameters.options().mesh.weight()
     }
 
+    fn revision(&self) -> u32 {
+        self.scene.body_revision()
+    }
+
     fn unit(&self) -> &'static str {
         "devices"
     }

@@ -6,7 +6,7 @@ use deaflow_base::words;
 use deaflow_fem::{MembraneSolver, SetupError, SolveOptions, WorkLimit, check_covered_cells};
 use deaflow_field::Field;
 use deaflow_pattern::{Fabricated, Pattern, fabricated};
-use deaflow_scene::{Scene, Tolerances};
+use deaflow_scene::{Effects, Scene, Tolerances};
 use rayon::prelude::*;
 
 use crate::device::{self, SOURCES, Source};
@@ -112,8 +112,15 @@ impl Study {
         limit: WorkLimit,
         seed: u64,
     ) -> Result<Self, ToleranceError> {
+        // Critical voltages would take most of the time, and no device is judged by them.
+        let without_critical_voltages = |scene: Scene| {
+            scene.with_effects(Effects {
+                electromechanical_stability: None,
+                ..scene.effects.clone()
+            })
+        };
         let study = Self {
-            states,
+            states: states.into_iter().map(without_critical_voltages).collect(),
             tolerances,
             options,
             limit,

@@ -36,6 +36,12 @@ pub enum GoalError {
         /// The number of bodies.
         count: usize,
     },
+    /// Too few corners of cells lie in a body.
+    #[error("body {body} is too small: fewer than two corners of cells lie inside of its border; use more `cells`")]
+    SmallBody {
+        /// The number.
+        body: usize,
+    },
     /// There is no bar on a side.
     #[error("there is no bar on the {side} side of the membrane")]
     Bar {

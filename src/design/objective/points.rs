@@ -24,6 +24,9 @@ pub(super) const AREAS: [&str; 2] = ["smallest", "largest"];
 /// Range of target area strains.
 const STRAINS: std::ops::RangeInclusive<f64> = 0.0..=1.0;
 
+/// How far inside the border of a body a corner is, at least, as a share of a cell: elements follow the border by polygons.
+const INSIDE: f64 = 0.25;
+
 /// The keys for the motion of a body.
 const MOTIONS: [&str; 3] = ["direction", "translation", "rotation"];
 
@@ -384,8 +387,8 @@ fn state_index(scene: &Scene, state: Option<&StateName>) -> Result<usize, GoalEr
     })
 }
 
-/// The centroid of a body in mm, and its markers: the corner farthest from the centroid, and the corner farthest from
-/// that.
+/// The centroid of a body in mm, and its markers: the corner of cells farthest from the centroid, and the corner farthest
+/// from that. If elements follow the border of the body, only corners inside of it move with it.
 fn markers(scene: &Scene, body: usize) -> Result<([f64; 2], BodyMarkers), GoalError> {
     let count = scene.parts().map_or(0, |parts| parts.bodies());
     let missing = || GoalError::Body { found: body, count };
@@ -394,19 +397,38 @@ fn markers(scene: &Scene, body: usize) -> Result<([f64; 2], BodyMarkers), GoalEr
     let cell = scene.membrane().cell_mm();
     let position = |corner: [usize; 2]| [0, 1].map(|axis| corner[axis] as f64 * cell[axis]);
     let between = |a: [f64; 2], b: [f64; 2]| [b[0] - a[0], b[1] - a[1]];
+    let of_cells = cells
+        .iter()
+        .flat_map(|[x, y]| (0..4).map(move |k| [x + k % 2, y + k / 2]));
+    let (centroid, corners): ([f64; 2], Vec<[usize; 2]>) = match scene.border_of_body(body) {
+        None => (centroid, of_cells.collect()),
+        Some(border) => {
+            let is_inside = |corner: &[usize; 2]| {
+                let [x, y] = position(*corner);
+                let [dx, dy] = cell.map(|side| INSIDE * side);
+                let around = [[x - dx, y], [x + dx, y], [x, y - dy], [x, y + dy]];
+                around.into_iter().all(|place| border.contains(place))
+            };
+            (
+                border.centroid().unwrap_or(centroid),
+                of_cells.filter(is_inside).collect(),
+            )
+        }
+    };
     let farthest = |from: [f64; 2]| {
-        let corners = cells
-            .iter()
-            .flat_map(|[x, y]| (0..4).map(move |k| [x + k % 2, y + k / 2]));
-        let distances = corners.map(|corner| {
+        let distances = corners.iter().map(|&corner| {
             let [x, y] = between(from, position(corner));
             (x.hypot(y), corner)
         });
         // The first of equal distances.
         distances.reduce(|best, one| if one.0 > best.0 { one } else { best })
     };
-    let (arm_mm, start) = farthest(centroid).ok_or_else(missing)?;
-    let (_, end) = farthest(position(start)).ok_or_else(missing)?;
+    let small = || GoalError::SmallBody { body };
+    let (arm_mm, start) = farthest(centroid).ok_or_else(small)?;
+    let (apart, end) = farthest(position(start)).ok_or_else(small)?;
+    if apart == 0.0 {
+        return Err(small());
+    }
     let markers = BodyMarkers {
         ends: [start, end],
         start_mm: between(centroid, position(start)),

@@ -56,7 +56,7 @@ fn each_mistake_is_named_underlined_and_set_right() {
             format!("{one}  b: {{ kind: sum, needs: [a, a] }}\n"),
             "`a` is listed twice",
             "a",
-            "",
+            "name it once, in `needs` or in another key",
         ),
         (
             format!("{one}  b: {{ kind: sum, needs: a }}\n"),

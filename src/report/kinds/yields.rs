@@ -111,6 +111,10 @@ fn read_where(source: &ArtifactReader<'_>, is_read: impl Fn(&DesignDevices) -> b
 /// If an artifact cannot be read or does not have the content of its kind.
 pub(crate) fn devices_of(run: &RunArtifacts<'_>, design: &Design) -> Result<Vec<String>, ReportError> {
     let is_it = |one: &DesignDevices| {
+        // An own pattern has the name of each target in a verification, and its number here.
+        if one.role == Role::Own && design.role == Role::Own {
+            return one.pattern == design.pattern;
+        }
         let words = (&one.case, &one.name) == (&design.case, &design.target);
         let numbers = (one.role, one.member, one.units) == (design.role, design.member, design.units);
         words && numbers && one.pattern == design.pattern

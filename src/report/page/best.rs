@@ -109,7 +109,11 @@ pub(crate) fn sentence(design: &Design) -> String {
 pub(crate) fn facts(design: &Design, all: Option<&[Design]>) -> Vec<String> {
     let mut facts = Vec::new();
     let quantity = design.objective.quantity();
-    let of = format!("{quantity} of {}", design.objective.description());
+    let described = design.objective.description();
+    let of = match described.strip_prefix("the mean of ") {
+        Some(several) => format!("mean {quantity} of {several}"),
+        None => format!("{quantity} of {described}"),
+    };
     facts.push(match all {
         None => of,
         Some(_) => format!("{}: {of}", design.target),

@@ -43,12 +43,20 @@ window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", aga
 window.addEventListener("resize", again);
 
 /**
+ * Returns the width of a canvas in pixels of the page; 300 while it is not laid out.
+ * @param {HTMLCanvasElement} canvas
+ */
+function widthOf(canvas) {
+  return canvas.clientWidth || 300;
+}
+
+/**
  * Prepares a canvas at the resolution of the screen.
  * @param {HTMLCanvasElement} canvas @param {number} ratio height over width
  * @returns {{context: CanvasRenderingContext2D, width: number, height: number}}
  */
 export function prepared(canvas, ratio) {
-  const width = canvas.clientWidth || 300;
+  const width = widthOf(canvas);
   const height = Math.round(width * ratio);
   const scale = window.devicePixelRatio || 1;
   if (canvas.width !== Math.round(width * scale) || canvas.height !== Math.round(height * scale)) {
@@ -497,7 +505,8 @@ export function magnitudes(displacement, columns, rows) {
 
 /** Draws a colour bar. @param {HTMLCanvasElement} canvas @param {boolean} signed */
 export function drawBar(canvas, signed) {
-  const { context, width, height } = prepared(canvas, 10 / Math.max(canvas.clientWidth, 1));
+  // Ten pixels high, also while it is not laid out and has no width.
+  const { context, width, height } = prepared(canvas, 10 / widthOf(canvas));
   const colours = signed ? SIGNED : SEQUENTIAL;
   colours.forEach((style, step) => {
     context.fillStyle = style;

@@ -212,7 +212,7 @@ impl SolvedStates {
         Simulated {
             outcome: without.unwrap_or(states[0].result.simulation.outcome),
             error: self
-                .geometry_mm(goal, case.time_index)
+                .geometry_mm(case)
                 .and_then(|geometry| Some(bound.or(difference)? + geometry)),
             values_mm,
             fields,
@@ -225,8 +225,8 @@ impl SolvedStates {
 }
 
 impl SolvedStates {
-    /// Returns the error of geometry of a goal at a time in mm, if it is known.
-    fn geometry_mm(&self, goal: &Goal, time_index: usize) -> Option<f64> {
+    /// Returns the error of geometry of a goal in mm, if it is known.
+    fn geometry_mm(&self, case: &CaseGoal) -> Option<f64> {
         let Self(states) = self;
         if states
             .iter()
@@ -236,14 +236,18 @@ impl SolvedStates {
         }
         let fields = |on: usize| -> Option<StateFields> {
             let of_state = |state: &SolvedState| match &state.geometry {
-                GeometrySolved::Exact => state.fields.as_ref()?.get(time_index).cloned(),
-                GeometrySolved::Compared(both) => both.as_ref()?[on].get(time_index).cloned(),
+                GeometrySolved::Exact => state.fields.as_ref()?.get(case.time_index).cloned(),
+                GeometrySolved::Compared(both) => both.as_ref()?[on].get(case.time_index).cloned(),
             };
             states.iter().map(of_state).collect()
         };
+        let [on_cells, on_shapes] = match &case.on_both {
+            Some(both) => both.as_ref()?.each_ref(),
+            None => [&case.goal; 2],
+        };
         Some(GeometryError::between(
-            goal.value_mm(&fields(0)?),
-            goal.value_mm(&fields(1)?),
+            on_cells.value_mm(&fields(0)?),
+            on_shapes.value_mm(&fields(1)?),
         ))
     }
 }

@@ -74,6 +74,20 @@ check(BODY, {"voltage": "5 kV"}, {"body": 0, "rotation": "counterclockwise"}, {"
 target = {"point": ["20 mm", "12 mm"], "displacement": ["0.5 mm", "0.2 mm"]}
 check(BODY, {"voltage": "5 kV"}, target, {"elements_per_cell": 1, "order": 2})
 
+# A body whose border elements follow moves as `solve` says: corners of its cells outside of the border do not move with it.
+hub = dict(WHOLE, cells=20, frame={"opening": {"disc": {"centre": ["25 mm", "25 mm"], "radius": "20 mm"}}}, curves="fitted")
+hub["bodies"] = [{"disc": {"centre": ["25 mm", "25 mm"], "radius": "5 mm"}}]
+hub = deaflow.Scene({"geometry": hub, "material": MATERIAL, "drive": {"voltage": "5 kV"}})
+pattern = np.zeros((20, 20), dtype=int)
+pattern[4:9, 9:16] = pattern[12:16, 3:8] = 1
+mesh = {"elements_per_cell": 1, "order": 2}
+solved = hub.solve(pattern, **mesh)
+value, _ = hub.value_and_gradient(pattern, {"body": 0, "direction": "90 deg"}, **mesh)
+assert abs(value - solved.body_translation[0, 0, 1]) < 1e-9 and value > 0.1, value
+value, _ = hub.value_and_gradient(pattern, {"body": 0, "rotation": "counterclockwise"}, **mesh)
+# The arc of the outermost corner, 2.5 mm beside and above the centre.
+assert abs(value - np.hypot(2.5, 2.5) * np.radians(solved.body_rotation[0, 0])) < 1e-9 and abs(value) > 1e-3, value
+
 # The value of an area is that of the polygon of the deformed corners, by the formula of Gauss.
 region = {"region": {"rectangle": [["30 mm", "5 mm"], ["50 mm", "20 mm"]]}, "area_strain": "largest"}
 _, _, device = check(BODY, {"voltage": "5 kV"}, region, {"elements_per_cell": 1, "order": 2})
