@@ -5,7 +5,7 @@ use std::path::Path;
 use super::{CliError, locate};
 use deaflow_base::read_bounded;
 use deaflow_content::{ArtifactKind, Training};
-use deaflow_store::Artifact;
+use deaflow_store::{Artifact, RowFile};
 
 /// The largest model, bytes. Larger files are not models.
 const MAX_BYTES: u64 = 4 << 30;
@@ -39,7 +39,10 @@ pub fn of_kind(reference: &str, store: &Path, kind: ArtifactKind, what: &str) ->
     locate::check_stage_is_named(reference, Some(kind.name()))?;
     let path = Path::new(reference);
     let artifact = match extension(reference) {
-        Some("h5") if path.is_file() => Artifact::open(path)?,
+        Some("h5") if path.is_file() => {
+            refuse_displacements(path, kind, what)?;
+            Artifact::open(path)?
+        }
         Some("h5") => return Err(CliError::bad_input(format!("there is no file {}", path.display()))),
         _ => locate::artifact(&locate::existing_store(store)?, reference)?,
     };
@@ -51,6 +54,22 @@ pub fn of_kind(reference: &str, store: &Path, kind: ArtifactKind, what: &str) ->
         CliError::bad_input(format!("artifact {digest} of kind `{found}` is not a {what}"))
             .help(format!("name a stage of kind `{}`", kind.name())),
     )
+}
+
+/// Refuses a file of `deaflow solve` or `deaflow predict`, which is no artifact; as one it would be damaged.
+fn refuse_displacements(path: &Path, kind: ArtifactKind, what: &str) -> Result<(), CliError> {
+    if Artifact::is_at(path) {
+        return Ok(());
+    }
+    // What is no HDF5 file is left to the reader of artifacts.
+    let has = |name| matches!(RowFile::open(path).and_then(|file| file.shape(name)), Ok(Some(_)));
+    match has("displacement") {
+        true => Err(
+            CliError::bad_input(format!("{} is a file of displacements, not a {what}", path.display()))
+                .help(format!("name a stage of kind `{}`, or a file of it", kind.name())),
+        ),
+        false => Ok(()),
+    }
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, CliError> {

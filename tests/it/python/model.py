@@ -22,6 +22,11 @@ for wrong in (lambda: model.predict(patterns[:, :20]), lambda: deaflow.Model.rea
     except deaflow.Error as error:
         assert error.code == 2, error
 try:
+    deaflow.Model.read("out.h5")
+    raise SystemExit("no error")
+except deaflow.Error as error:
+    assert error.code == 2 and error.message == "out.h5 is a file of displacements, not a model", error
+try:
     model.predict(patterns, scene=deaflow.Scene.read("tiny.yaml", {"drive.voltage": "1 kV"}))
     raise SystemExit("no error")
 except deaflow.Error as error:
