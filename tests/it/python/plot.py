@@ -25,7 +25,9 @@ colours = cells.get_facecolors()[:, :3].reshape(20, 20, 3)
 assert np.allclose(colours[patterns[1] == 1], to_rgb(GROUPS[0]))
 assert np.allclose(colours[patterns[1] == 0], to_rgb(BARE))
 title = axes.get_title()
-told = [float(part.removesuffix(" mm")) for part in title.split(": ")[1].split(", ")]
+drawn, told = title.split("\n")
+assert drawn == "pattern 1" and "(20, 30) mm: x " in told and told.endswith(" mm"), title
+told = [float(part.split()[1]) for part in told.split(": ")[1].split(", ")]
 assert np.allclose(told, u[12, 8], atol=1e-4), (title, u[12, 8])
 # Between corners the displacement is interpolated.
 assert scene.plot(result, 1, point=(21.25, 30)).get_title() != title
@@ -37,11 +39,17 @@ of_device = device.solve(groups)
 drawn = device.plot(of_device, 1, state="push")
 colours = drawn.collections[0].get_facecolors()[:, :3].reshape(10, 20, 3)
 assert np.allclose(colours[groups[1] == 2], to_rgb(GROUPS[1]))
-assert drawn.get_title() != device.plot(of_device, 1, state="pull").get_title()
+assert drawn.get_title().startswith("pattern 1, state push\nlargest displacement "), drawn.get_title()
+assert drawn.get_title() != device.plot(of_device, -1, state="pull").get_title()
 
 unstable = deaflow.Scene.read("plain.yaml", {"drive.voltage": "14 kV"}).solve(patterns[0])
 drawn = scene.plot(unstable)
-assert drawn.get_title() == unstable.outcome[0] != "converged" and not drawn.collections
+assert drawn.get_title() == f"pattern 0, {unstable.outcome[0]}" != "pattern 0, converged" and not drawn.collections
+
+creep = scene.history(patterns[0], at=[0, 1.5], elements_per_cell=1)
+assert scene.plot(creep).get_title().startswith("pattern 0, t = 1.5 s\n"), scene.plot(creep).get_title()
+estimated = scene.solve(patterns[0], method="linear")
+assert scene.plot(estimated).get_title().startswith("pattern 0, estimated\n")
 
 half = scene.solve(patterns[0] / 2)
 mixed = scene.plot(half).collections[0].get_facecolors()[:, :3]

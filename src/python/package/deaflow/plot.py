@@ -132,11 +132,21 @@ def _title(
     displacement: NDArray[np.float64],
     point: Optional[Sequence[float]],
 ) -> str:
-    """Return the displacement of the point, or the largest one."""
-    if not np.isfinite(displacement).all():
-        outcome = _at(result, "outcome", at) if "outcome" in result else "no stable solution"
-        return str(outcome)
+    """Return what is drawn, and on a second line the displacement of the point, or the largest one."""
+    drawn = [f"pattern {range(result.shapes['displacement'][0])[at['sample']]}"]
+    if "states" in result:
+        drawn.append(f"state {result['states'][at['state']]}")
+    if "time" in result.dims["displacement"]:
+        drawn.append(f"t = {result['time'][at['time']]:g} s")
+    outcome = str(_at(result, "outcome", at)) if "outcome" in result else "no stable solution"
+    is_solved = np.isfinite(displacement).all()
+    if not is_solved or outcome in ("estimated", "predicted"):
+        drawn.append(outcome)
+    first = ", ".join(drawn)
+    if not is_solved:
+        return first
     if point is None:
-        return f"largest displacement {np.linalg.norm(displacement, axis=-1).max():.4g} mm"
-    parts = ", ".join(f"{part:.4g}" for part in _displacement_at(scene, displacement, point))
-    return f"displacement of the point ({point[0]:g}, {point[1]:g}) mm: {parts} mm"
+        return f"{first}\nlargest displacement {np.linalg.norm(displacement, axis=-1).max():.4g} mm"
+    moved = zip("xyz", _displacement_at(scene, displacement, point))
+    parts = ", ".join(f"{axis} {part:.4g} mm" for axis, part in moved)
+    return f"{first}\ndisplacement of the point ({point[0]:g}, {point[1]:g}) mm: {parts}"
