@@ -5,7 +5,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::error::raised;
 use deaflow::base::Interrupt;
@@ -15,6 +15,10 @@ use pyo3::prelude::*;
 
 /// The time between two looks at the signals of Python.
 const PAUSE: Duration = Duration::from_millis(50);
+
+/// The time in which work that is stopped can end, before it is left to itself: a factorisation of a large matrix, which
+/// takes half a minute, checks no interrupt.
+const GRACE: Duration = Duration::from_millis(500);
 
 /// Threads for one call at a time.
 struct Pool {
@@ -67,7 +71,8 @@ impl Pool {
 }
 
 /// Runs work on all cores and returns its result; an exception if a handler of a signal raises one, as that of Ctrl-C
-/// does. The work then ends soon, and its result is dropped.
+/// does. The work then ends soon, and its result is dropped; work that does not end in [`GRACE`] goes on alone, with its
+/// threads, up to its next check of an interrupt.
 ///
 /// # Errors
 /// That of the work or of a handler, or if the system starts no threads.
@@ -78,10 +83,10 @@ pub fn run<T: Send + 'static>(
     let pool = Pool::take().map_err(|error| raised(py, &error))?;
     let (sender, receiver) = channel();
     pool.threads.spawn(move || {
-        // The receiver waits for it in any case.
+        // Nobody waits for a computation that was left to itself.
         let _ = sender.send(catch_unwind(AssertUnwindSafe(work)));
     });
-    let mut refused = None;
+    let mut refused: Option<(PyErr, Instant)> = None;
     // What is sent is behind a lock, so that other threads of Python may be allowed to run.
     let receiver = Mutex::new(receiver);
     let done: Result<Result<T, CliError>, Box<dyn Any + Send>> = loop {
@@ -97,15 +102,19 @@ pub fn run<T: Send + 'static>(
             Err(RecvTimeoutError::Timeout) => {
                 if let Err(raised) = py.check_signals() {
                     pool.is_stopped.store(true, Ordering::Relaxed);
-                    refused.get_or_insert(raised);
+                    refused.get_or_insert_with(|| (raised, Instant::now()));
                 }
             }
+        }
+        // Its pool, which stays stopped, is used no more.
+        if let Some((raised, _)) = refused.take_if(|(_, since)| since.elapsed() > GRACE) {
+            return Err(raised);
         }
     };
     pool.is_stopped.store(false, Ordering::Relaxed);
     idle().push(pool);
     match (refused, done) {
-        (Some(raised), _) => Err(raised),
+        (Some((raised, _)), _) => Err(raised),
         (None, Ok(result)) => result.map_err(|error| raised(py, &error)),
         (None, Err(panic)) => resume_unwind(panic),
     }

@@ -74,13 +74,15 @@ def pickling():
 def interrupt():
     scene = deaflow.Scene.read("plain.yaml", {"geometry.cells": 200})
     patterns = np.random.default_rng(6).integers(0, 2, (200, 200, 200))
-    # Covered cells need factors of a matrix, which are not interrupted.
+    # Covered cells need factors of a matrix, which are not interrupted. Those of a path on 200 x 200 cells take longer
+    # than the exception may: they are left to themselves.
     small = deaflow.Scene.read("plain.yaml", {"geometry.cells": 50})
     expected = SCENE.solve(PATTERNS)
     objective = {"point": ["20 mm", "20 mm"], "direction": "0 deg"}
     calls = [
         lambda: scene.solve(patterns, elements_per_cell=2, order=2),
         lambda: small.value_and_gradient(patterns[:, :50, :50], objective, elements_per_cell=1, order=2),
+        lambda: scene.path(patterns[0]),
     ]
     for call in calls:
         sent = []
