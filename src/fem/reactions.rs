@@ -54,7 +54,14 @@ pub(super) struct SideForces<'a> {
 impl<'a> SideForces<'a> {
     /// Prepares them; `None` if all sides are held, or with branches that have no time to relax.
     pub fn new(solver: &'a MembraneSolver, pattern: &Pattern) -> Option<Self> {
+        // Opening the grid takes a tenth of a solve, in which all sides are held as a rule.
+        Self::sides_of(solver)?;
         Self::of(solver, solver.model.activity(&solver.grid.opened(), pattern))
+    }
+
+    /// Returns the sides if they have forces.
+    fn sides_of(solver: &'a MembraneSolver) -> Option<&'a SheetSides> {
+        solver.grid.sheet_sides().filter(|_| !solver.model.has_unrelaxed())
     }
 
     /// Prepares them for a membrane without supports.
@@ -62,7 +69,7 @@ impl<'a> SideForces<'a> {
         let grid = &solver.grid;
         Some(Self {
             solver,
-            sides: grid.sheet_sides().filter(|_| !solver.model.has_unrelaxed())?,
+            sides: Self::sides_of(solver)?,
             activity,
             loads: grid.boundary()?.loads(grid.layout().vector_len()),
         })
