@@ -1,6 +1,7 @@
 //! Patterns from arrays of numpy, and arrays of results for numpy.
 
 use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
 
 use deaflow::base::InputError;
 use deaflow::cli::CliError;
@@ -8,7 +9,9 @@ use deaflow::pattern::{Coverage, Pattern, PatternForm};
 use deaflow::store::{Data, Dataset, Object};
 use numpy::prelude::*;
 use numpy::{Element, PyArray1, PyReadonlyArray3};
+use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
 use pyo3::types::PyList;
 
 /// The electrode group of each cell, `(n, ny, nx)`.
@@ -72,47 +75,104 @@ pub fn patterns(
     .collect()
 }
 
-/// An array with its unit, description and the names of its axes.
-pub type Described<'py> = (Bound<'py, PyAny>, String, String, Vec<String>);
-
-/// Arrays by path, attributes, and warnings about the model.
-pub type Arrays<'py> = (BTreeMap<String, Described<'py>>, BTreeMap<String, String>, Vec<String>);
-
-/// Hands the arrays of a result over to numpy.
+/// The arrays of a result, attributes, and warnings about the model.
 ///
-/// # Errors
-/// When the shape of one is not that of its values.
-pub fn arrays_of<'py>(py: Python<'py>, object: Object, warnings: Vec<String>) -> PyResult<Arrays<'py>> {
-    let datasets = object.datasets.into_iter();
-    let arrays = datasets.map(|(path, dataset)| Ok((path, described(py, dataset)?)));
-    Ok((arrays.collect::<PyResult<_>>()?, object.attributes, warnings))
+/// An array becomes one of numpy when it is first asked for: after a solve all that Python does is slow, because its code
+/// and data are no longer in the caches of the processor, and most arrays of a result are never looked at.
+#[pyclass(frozen, module = "deaflow._deaflow")]
+pub struct Found {
+    arrays: BTreeMap<String, Array>,
+    attributes: BTreeMap<String, String>,
+    warnings: Vec<String>,
 }
 
-/// Hands a dataset over to numpy, with the bits that a file would have and without a copy of numbers.
-///
-/// # Errors
-/// When its shape is not that of its values.
-pub fn described(py: Python<'_>, dataset: Dataset) -> PyResult<Described<'_>> {
-    let Dataset {
-        units,
-        description,
-        axes,
-        shape,
-        data,
-    } = dataset;
-    let values = match data {
-        Data::U8(values) => shaped(py, values, shape)?,
-        Data::U32(values) => shaped(py, values, shape)?,
-        Data::U64(values) => shaped(py, values, shape)?,
+/// An array with its unit, description and the names of its axes.
+struct Array {
+    units: String,
+    description: String,
+    axes: Vec<String>,
+    shape: Vec<usize>,
+    /// The values, before Python has them.
+    data: Mutex<Option<Data>>,
+    array: PyOnceLock<Py<PyAny>>,
+}
+
+/// Shape, unit, description and the names of the axes of an array.
+type About<'a> = (&'a [usize], &'a str, &'a str, &'a [String]);
+
+#[pymethods]
+impl Found {
+    /// Shape, unit, description and the names of the axes of each array by its path.
+    #[getter]
+    fn about(&self) -> BTreeMap<&str, About<'_>> {
+        let arrays = self.arrays.iter();
+        arrays.map(|(path, array)| (path.as_str(), array.about())).collect()
+    }
+
+    #[getter]
+    fn attributes(&self) -> &BTreeMap<String, String> {
+        &self.attributes
+    }
+
+    #[getter]
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// Returns an array; `None` if there is none of this path.
+    fn array(&self, py: Python<'_>, path: &str) -> PyResult<Option<Py<PyAny>>> {
+        let Some(array) = self.arrays.get(path) else {
+            return Ok(None);
+        };
+        let made = array.array.get_or_try_init(py, || {
+            let data = array.data.lock().unwrap_or_else(PoisonError::into_inner).take();
+            let data = data.ok_or_else(|| PyRuntimeError::new_err("the array was lost by an error before"))?;
+            Ok::<_, PyErr>(numbers_or_texts(py, data, array.shape.clone())?.unbind())
+        });
+        Ok(Some(made?.clone_ref(py)))
+    }
+}
+
+impl Array {
+    fn about(&self) -> About<'_> {
+        (&self.shape, &self.units, &self.description, &self.axes)
+    }
+}
+
+impl Found {
+    /// Keeps the arrays of a result.
+    pub fn new(object: Object, warnings: Vec<String>) -> Self {
+        let array = |dataset: Dataset| Array {
+            units: dataset.units,
+            description: dataset.description,
+            axes: dataset.axes,
+            shape: dataset.shape,
+            data: Mutex::new(Some(dataset.data)),
+            array: PyOnceLock::new(),
+        };
+        let datasets = object.datasets.into_iter();
+        Self {
+            arrays: datasets.map(|(path, dataset)| (path, array(dataset))).collect(),
+            attributes: object.attributes,
+            warnings,
+        }
+    }
+}
+
+/// Hands values over to numpy, with the bits that a file would have and without a copy of numbers.
+fn numbers_or_texts(py: Python<'_>, data: Data, shape: Vec<usize>) -> PyResult<Bound<'_, PyAny>> {
+    match data {
+        Data::U8(values) => shaped(py, values, shape),
+        Data::U32(values) => shaped(py, values, shape),
+        Data::U64(values) => shaped(py, values, shape),
         // Files have no negative zeros.
-        Data::F32(values) => shaped(py, values.into_iter().map(|value| value + 0.0).collect(), shape)?,
-        Data::F64(values) => shaped(py, values.into_iter().map(|value| value + 0.0).collect(), shape)?,
+        Data::F32(values) => shaped(py, values.into_iter().map(|value| value + 0.0).collect(), shape),
+        Data::F64(values) => shaped(py, values.into_iter().map(|value| value + 0.0).collect(), shape),
         Data::Text(values) => {
             let array = py.import("numpy")?.call_method1("array", (PyList::new(py, values)?,))?;
-            array.call_method1("reshape", (shape,))?
+            array.call_method1("reshape", (shape,))
         }
-    };
-    Ok((values, units, description, axes))
+    }
 }
 
 /// Makes an array of a shape from values.

@@ -28,6 +28,9 @@ mod _deaflow {
     use super::scene::Scene;
 
     #[pymodule_export]
+    use super::arrays::Found;
+
+    #[pymodule_export]
     use super::model::Model;
 
     #[pymodule_export]

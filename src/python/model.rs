@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::arrays::{Arrays, Groups, Keep, arrays_of, patterns};
+use super::arrays::{Found, Groups, Keep, patterns};
 use super::error::raised;
 use super::scene::Unseen;
 use super::work::run;
@@ -54,7 +54,7 @@ impl Model {
     }
 
     /// Predicts the displacement of patterns; returns the arrays and attributes of the file of `deaflow predict`.
-    fn predict<'py>(slf: &Bound<'py, Self>, groups: Groups<'py>, objectives: Vec<String>) -> PyResult<Arrays<'py>> {
+    fn predict<'py>(slf: &Bound<'py, Self>, groups: Groups<'py>, objectives: Vec<String>) -> PyResult<Found> {
         let py = slf.py();
         let patterns =
             patterns(slf.get().model.form(), &groups, None, Keep::Cut).map_err(|error| raised(py, &error))?;
@@ -64,6 +64,6 @@ impl Model {
             let predictions = model.predict(&patterns, &objectives, &Unseen)?;
             Ok(model.content(&patterns, &predictions).object())
         })?;
-        arrays_of(py, object, Vec::new())
+        Ok(Found::new(object, Vec::new()))
     }
 }

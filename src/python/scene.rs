@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::arrays::{Arrays, Groups, Keep, Shares, arrays_of, patterns, shaped};
+use super::arrays::{Found, Groups, Keep, Shares, patterns, shaped};
 use super::error::raised;
 use super::gradient::parameter::{Parameter, values_and_derivatives};
 use super::gradient::{ValueAndSlopes, objective, value_and_slopes, values_and_gradients};
@@ -159,7 +159,7 @@ impl Scene {
         solver: &str,
         cells: bool,
         checks: bool,
-    ) -> PyResult<Arrays<'py>> {
+    ) -> PyResult<Found> {
         let py = slf.py();
         let device = &slf.get().device;
         if device.is_in_space() {
@@ -189,7 +189,7 @@ impl Scene {
             let object = solved.content().in_states(&equilibria.states());
             Ok((object, solved.warnings()))
         })?;
-        arrays_of(py, object, warnings)
+        Ok(Found::new(object, warnings))
     }
 
     /// Simulates patterns in time; returns the arrays of the file of `deaflow solve --history`.
@@ -201,7 +201,7 @@ impl Scene {
         solver: &str,
         at: Option<&str>,
         every: Option<&str>,
-    ) -> PyResult<Arrays<'py>> {
+    ) -> PyResult<Found> {
         let times = match (at, every) {
             (None, None) => Ok(OutputTimes::default()),
             (Some(at), None) => OutputTimes::at(at).map_err(|why| CliError::bad_input(format!("`at`: {why}"))),
@@ -222,7 +222,7 @@ impl Scene {
         shares: Option<Shares<'py>>,
         solver: &str,
         parameter: &str,
-    ) -> PyResult<Arrays<'py>> {
+    ) -> PyResult<Found> {
         let known = PathParameter::ALL.into_iter().find(|known| known.name() == parameter);
         let analysis = known.map(Analysis::Path).ok_or_else(|| {
             let allowed = PathParameter::ALL.map(PathParameter::name).join(", ");
@@ -241,7 +241,7 @@ impl Scene {
         solver: &str,
         count: usize,
         lumped: bool,
-    ) -> PyResult<Arrays<'py>> {
+    ) -> PyResult<Found> {
         let analysis = match (1..=MOST_MODES).contains(&count) {
             true => one_state(&slf.get().device, "natural frequencies are").map(|()| Analysis::Modes { count, lumped }),
             false => Err(CliError::bad_input(format!(
@@ -262,7 +262,7 @@ impl Scene {
         hertz: Vec<f64>,
         range: Option<&str>,
         points: Option<u64>,
-    ) -> PyResult<Arrays<'py>> {
+    ) -> PyResult<Found> {
         let frequencies = match range {
             Some(ends) => Frequencies::between(ends, points),
             None => Frequencies::of(&hertz),
@@ -437,7 +437,7 @@ fn analysed<'py>(
     shares: Option<&Shares<'py>>,
     solver: &str,
     analysis: Analysis,
-) -> PyResult<Arrays<'py>> {
+) -> PyResult<Found> {
     let parameters = or_raised(scene, scene.get().parameters(solver))?;
     let patterns = or_raised(scene, patterns(scene.get().device.form(), groups, shares, Keep::Cut))?;
     let of = scene.clone().unbind();
@@ -449,7 +449,7 @@ fn analysed<'py>(
             progress: &Unseen,
         })
     })?;
-    arrays_of(scene.py(), arrays, warnings)
+    Ok(Found::new(arrays, warnings))
 }
 
 /// Checks that a scene has no states to choose from.

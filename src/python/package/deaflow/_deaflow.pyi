@@ -7,8 +7,15 @@ from numpy.typing import NDArray
 
 __version__: str
 
-Described = tuple[NDArray[Any], str, str, list[str]]
-Found = tuple[dict[str, Described], dict[str, str], list[str]]
+@final
+class Found:
+    @property
+    def about(self) -> dict[str, tuple[list[int], str, str, list[str]]]: ...
+    @property
+    def attributes(self) -> dict[str, str]: ...
+    @property
+    def warnings(self) -> list[str]: ...
+    def array(self, path: str) -> Optional[NDArray[Any]]: ...
 
 class Error(Exception):
     """An error of deaflow, with the text that the command prints."""

@@ -24,7 +24,7 @@ class Simulation:
 
     def displacement(self, coverage: Any) -> NDArray[np.float64]:
         """Return the displacement of the cell corners in mm, (n, ny + 1, nx + 1, 2)."""
-        return self.scene.solve(np.asarray(coverage), **dict(self.options)).displacement
+        return self.scene.solve(np.asarray(coverage), **dict(self.options))["displacement"]
 
     def gradient(self, coverage: Any, weights: Any) -> NDArray[np.float64]:
         """Return the derivative of ``(weights * displacement).sum()`` with respect to `coverage`, of its shape."""

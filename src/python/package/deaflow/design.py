@@ -42,4 +42,4 @@ def design(
             name: (artifact[name], artifact.units[name], artifact.descriptions[name], list(artifact.dims[name]))
             for name in artifact
         }
-        return Result(arrays, dict(artifact.attributes), found.document.get("warnings", []))
+        return Result._of(arrays, dict(artifact.attributes), found.document.get("warnings", []))

@@ -102,7 +102,7 @@ class Model:
         groups, shares = _patterns(patterns, None)
         if shares is not None:
             raise TypeError("a model predicts whole cells: patterns are integers or bools, not floats")
-        return Result(*self._model.predict(groups, [to_json(objective) for objective in objectives]))
+        return Result(self._model.predict(groups, [to_json(objective) for objective in objectives]))
 
     def __repr__(self) -> str:
         rows, columns = self.shape

@@ -10,7 +10,11 @@ from numpy.typing import NDArray
 from .arrays import Arrays, NotFound
 
 if TYPE_CHECKING:
-    from ._deaflow import Described
+    from ._deaflow import Found
+
+# An array with its unit, description and the names of its axes; the same with its shape alone.
+Described = tuple[NDArray[Any], str, str, list[str]]
+About = tuple[list[int], str, str, list[str]]
 
 
 class Result(Arrays):
@@ -35,20 +39,48 @@ class Result(Arrays):
     All others are listed by ``print(result)``, and explained by ``result.descriptions``.
     """
 
-    def __init__(self, arrays: dict[str, Described], attributes: dict[str, str], warnings: list[str]) -> None:
-        self.attributes = attributes
-        self.warnings = warnings
-        self._arrays = {path: values for path, (values, *_) in arrays.items()}
-        self.shapes = {path: values.shape for path, values in self._arrays.items()}
-        self.units = {path: units for path, (_, units, _, _) in arrays.items()}
-        self.descriptions = {path: text for path, (_, _, text, _) in arrays.items()}
-        self.dims = {path: tuple(axes) for path, (_, _, _, axes) in arrays.items()}
+    warnings: list[str]
+
+    def __init__(self, found: Found) -> None:
+        # Arrays and texts are asked for when they are used: see `Found` in Rust.
+        self._found: Optional[Found] = found
+        self._arrays: dict[str, NDArray[Any]] = {}
+
+    @classmethod
+    def _of(cls, arrays: dict[str, Described], attributes: dict[str, str], warnings: list[str]) -> Result:
+        """Return a result with arrays of numpy, each with its unit, description and the names of its axes."""
+        made = cls.__new__(cls)
+        made._found, made._arrays = None, {path: values for path, (values, *_) in arrays.items()}
+        about = {path: (list(values.shape), units, text, axes) for path, (values, units, text, axes) in arrays.items()}
+        made._describe(about, attributes, warnings)
+        return made
+
+    def _describe(self, about: dict[str, About], attributes: dict[str, str], warnings: list[str]) -> None:
+        self.attributes, self.warnings = attributes, warnings
+        self.shapes = {path: tuple(shape) for path, (shape, *_) in about.items()}
+        self.units = {path: units for path, (_, units, _, _) in about.items()}
+        self.descriptions = {path: text for path, (_, _, text, _) in about.items()}
+        self.dims = {path: tuple(axes) for path, (_, _, _, axes) in about.items()}
+
+    def __getattr__(self, name: str) -> Any:
+        found = self.__dict__.get("_found")
+        if found is None or "shapes" in self.__dict__:
+            return super().__getattr__(name)
+        self._describe(found.about, found.attributes, found.warnings)
+        return getattr(self, name)
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        try:
+        if name in self._arrays:
             return self._arrays[name]
-        except KeyError:
-            raise NotFound(f"the result has no array {name!r}; there are: {', '.join(self)}") from None
+        values = None if self._found is None else self._found.array(name)
+        if values is None:
+            raise NotFound(f"the result has no array {name!r}; there are: {', '.join(self)}")
+        self._arrays[name] = values
+        return values
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        arrays = {path: (self[path], self.units[path], self.descriptions[path], list(self.dims[path])) for path in self}
+        return type(self)._of, (arrays, self.attributes, self.warnings)
 
     @property
     def critical_voltage(self) -> Optional[NDArray[np.float64]]:
@@ -56,12 +88,12 @@ class Result(Arrays):
 
         None unless the scene has the effect `electromechanical_stability`.
         """
-        return self._arrays.get("critical_voltage")
+        return self.get("critical_voltage")
 
     @property
     def error(self) -> Optional[NDArray[np.float64]]:
         """The estimated error of the displacement by the mesh in mm, (n,); None unless an `accuracy` was given."""
-        return self._arrays.get("discretisation_error")
+        return self.get("discretisation_error")
 
     def table(self) -> Any:
         """Return a `pandas.DataFrame` with a row for each pattern; see `Arrays.to_pandas`."""

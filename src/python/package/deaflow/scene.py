@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any, Optional, Union
 
 import numpy as np
@@ -159,7 +160,7 @@ class Scene:
         """
         groups, shares = _patterns(patterns, coverage)
         solver = _solver(method, elements_per_cell, order, accuracy, tolerance, time_limit)
-        return Result(*self._scene.solve(groups, shares, solver, cells=cells, checks=checks))
+        return Result(self._scene.solve(groups, shares, solver, cells=cells, checks=checks))
 
     def history(
         self,
@@ -204,7 +205,7 @@ class Scene:
         solver = _solver(None, elements_per_cell, order, accuracy, tolerance, time_limit)
         times = at if at is None or isinstance(at, str) else ", ".join(with_unit(time, "s") for time in at)
         interval = every if every is None else with_unit(every, "s")
-        return Result(*self._scene.history(groups, shares, solver, at=times, every=interval))
+        return Result(self._scene.history(groups, shares, solver, at=times, every=interval))
 
     def path(
         self,
@@ -243,7 +244,7 @@ class Scene:
         """
         groups, shares = _patterns(patterns, coverage)
         solver = _solver(None, elements_per_cell, order, None, tolerance, None)
-        return Result(*self._scene.path(groups, shares, solver, parameter=parameter))
+        return Result(self._scene.path(groups, shares, solver, parameter=parameter))
 
     def modes(
         self,
@@ -284,7 +285,7 @@ class Scene:
         """
         groups, shares = _patterns(patterns, coverage)
         solver = _solver(None, elements_per_cell, order, None, tolerance, time_limit)
-        return Result(*self._scene.modes(groups, shares, solver, count=count, lumped=lumped))
+        return Result(self._scene.modes(groups, shares, solver, count=count, lumped=lumped))
 
     def response(
         self,
@@ -332,7 +333,7 @@ class Scene:
         else:
             hertz = [float(frequency) for frequency in frequencies]
             found = self._scene.response(groups, shares, solver, hertz=hertz, range=None, points=None)
-        return Result(*found)
+        return Result(found)
 
     def screen(
         self, patterns: Optional[ArrayLike] = None, *, time_limit: Optional[str] = None
@@ -655,6 +656,9 @@ def _patterns(
 ) -> tuple[NDArray[np.uint8], Optional[NDArray[np.float64]]]:
     """Return groups and shares with three axes."""
     array = _three_axes(np.asarray(patterns))
+    if coverage is None and array.dtype == np.uint8 and array.flags.c_contiguous:
+        # In a loop over patterns the checks below take as long as all else.
+        return array, None
     if array.dtype.kind == "f":
         if coverage is not None:
             raise TypeError("floats are shares of group 1: give `coverage` beside integers")
@@ -682,7 +686,16 @@ def _three_axes(array: NDArray[Any]) -> NDArray[Any]:
     return array if array.ndim == 3 else array[np.newaxis]
 
 
-def _solver(
+def _solver(*options: Any) -> str:
+    """Return the options in the keys of a solve stage: see `_solver_text`."""
+    try:
+        return _known_solver_text(*options)
+    except TypeError:
+        # One of them cannot be looked up. If it has no text either, that is said here.
+        return _solver_text(*options)
+
+
+def _solver_text(
     method: Optional[str],
     elements_per_cell: Optional[int],
     order: Optional[int],
@@ -690,7 +703,6 @@ def _solver(
     tolerance: Optional[float],
     time_limit: Optional[str],
 ) -> str:
-    """Return the options in the keys of a solve stage."""
     options = {
         "method": method,
         "elements_per_cell": elements_per_cell,
@@ -700,3 +712,7 @@ def _solver(
         "time_limit": time_limit,
     }
     return to_json({key: value for key, value in options.items() if value is not None})
+
+
+# In a loop over patterns the options are the same.
+_known_solver_text = lru_cache(maxsize=64, typed=True)(_solver_text)
