@@ -1,13 +1,15 @@
 //! A scene, and the simulations of patterns in it.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use super::arrays::{Found, Groups, Keep, Shares, patterns, shaped};
 use super::error::raised;
 use super::gradient::parameter::{Parameter, values_and_derivatives};
 use super::gradient::{ValueAndSlopes, objective, value_and_slopes, values_and_gradients};
-use super::work::run;
+use super::work::{is_main_thread, run, run_here};
 use deaflow::base::{Document, Progress};
 use deaflow::cli::{
     self, AccuracyRequest, Analysed, Analysis, CliError, Computation, Equilibria, Frequencies, Networks, OutputTimes,
@@ -16,6 +18,7 @@ use deaflow::cli::{
 use deaflow::fem::screening::TestPattern;
 use deaflow::fem::{MOST_MODES, PathParameter, SetupError, SolverParameters};
 use deaflow::field::{Field, FieldError};
+use deaflow::pattern::Pattern;
 use deaflow::scene::Scene as Device;
 use deaflow::stage::direct::{self, Changes};
 use deaflow::stage::weak_drive_warning;
@@ -30,8 +33,18 @@ pub struct Scene {
     /// The options of the last call.
     read: Mutex<Option<(String, SolverParameters)>>,
     /// The solvers of the last call.
-    ready: Mutex<Option<Arc<Equilibria>>>,
+    ready: Mutex<Option<Arc<Ready>>>,
 }
+
+/// Solvers that are prepared.
+struct Ready {
+    equilibria: Equilibria,
+    /// Whether they solved the last single pattern in less than [`QUICK`].
+    is_quick: AtomicBool,
+}
+
+/// A call with a pattern that takes less is not handed to other threads.
+const QUICK: Duration = Duration::from_millis(50);
 
 /// Progress that nobody is shown.
 pub struct Unseen;
@@ -65,21 +78,54 @@ impl Scene {
     }
 
     /// Returns the solvers for some parameters, those of the last call if they are the same.
-    fn equilibria(&self, parameters: &SolverParameters) -> Result<Arc<Equilibria>, CliError> {
+    fn ready(&self, parameters: &SolverParameters) -> Result<Arc<Ready>, CliError> {
         let mut ready = self.ready.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(ready) = ready.as_ref().filter(|ready| ready.parameters() == parameters) {
+        if let Some(ready) = ready
+            .as_ref()
+            .filter(|ready| ready.equilibria.parameters() == parameters)
+        {
             return Ok(Arc::clone(ready));
         }
         if parameters.follows_time() {
             return Err(CliError::bad_input("`history` cannot be used here").help("use `scene.history`"));
         }
         cli::decide(&self.device)?;
-        let made = Arc::new(Equilibria::new(&self.device, parameters)?);
+        let made = Arc::new(Ready {
+            equilibria: Equilibria::new(&self.device, parameters)?,
+            is_quick: AtomicBool::new(false),
+        });
         if !deaflow::base::is_interrupted() {
             *ready = Some(Arc::clone(&made));
         }
         Ok(made)
     }
+
+    /// Returns the solvers for some parameters if they are those of the last call, are not being prepared, and were
+    /// quick. They have solved a pattern, so that nothing waits in them for other threads.
+    fn quick(&self, parameters: &SolverParameters) -> Option<Arc<Ready>> {
+        let ready = self.ready.try_lock().ok()?;
+        let is_usable = |ready: &&Arc<Ready>| {
+            let is_same = ready.equilibria.parameters() == parameters && parameters.accuracy().is_none();
+            is_same && ready.is_quick.load(Ordering::Relaxed)
+        };
+        ready.as_ref().filter(is_usable).map(Arc::clone)
+    }
+}
+
+/// Solves patterns.
+fn solved(ready: &Ready, patterns: &[Pattern], cells: bool, checks: bool) -> Result<Found, CliError> {
+    let request = SolveRequest {
+        patterns,
+        drawings: patterns,
+        cells,
+        checks,
+    };
+    let start = Instant::now();
+    let solved = ready.equilibria.solve(&request, &Unseen)?;
+    let is_quick = patterns.len() == 1 && start.elapsed() < QUICK;
+    ready.is_quick.store(is_quick, Ordering::Relaxed);
+    let object = solved.content().in_states(&ready.equilibria.states());
+    Ok(Found::new(object, solved.warnings()))
 }
 
 #[pymethods]
@@ -175,21 +221,18 @@ impl Scene {
             ))
         })()
         .map_err(|error: CliError| raised(py, &error))?;
+        if patterns.len() == 1
+            && !checks
+            && let Some(ready) = slf.get().quick(&parameters)
+            && is_main_thread(py)?
+        {
+            return run_here(py, || solved(&ready, &patterns, cells, checks));
+        }
         let scene = slf.clone().unbind();
-        let (object, warnings) = run(py, move || {
-            let scene = scene.get();
-            let equilibria = scene.equilibria(&parameters)?;
-            let request = SolveRequest {
-                patterns: &patterns,
-                drawings: &patterns,
-                cells,
-                checks,
-            };
-            let solved = equilibria.solve(&request, &Unseen)?;
-            let object = solved.content().in_states(&equilibria.states());
-            Ok((object, solved.warnings()))
-        })?;
-        Ok(Found::new(object, warnings))
+        run(py, move || {
+            let ready = scene.get().ready(&parameters)?;
+            solved(&ready, &patterns, cells, checks)
+        })
     }
 
     /// Simulates patterns in time; returns the arrays of the file of `deaflow solve --history`.
@@ -370,9 +413,9 @@ impl Scene {
         let (of, count, asked, with_shares) = (slf.clone().unbind(), whole.len(), wanted.clone(), cut.is_some());
         let found = run(py, move || {
             let scene = of.get();
-            let equilibria = scene.equilibria(&solver)?;
+            let ready = scene.ready(&solver)?;
             let patterns = (whole.as_slice(), cut.as_deref());
-            values_and_derivatives(&equilibria, &scene.device, patterns, &asked, &goal)
+            values_and_derivatives(&ready.equilibria, &scene.device, patterns, &asked, &goal)
         })?;
         let values = found
             .iter()
@@ -508,8 +551,8 @@ fn differentiated<'py>(
     let count = patterns.len();
     let found = run(py, move || {
         let scene = scene.get();
-        let equilibria = scene.equilibria(&parameters)?;
-        values_and_gradients(&equilibria, &scene.device, &patterns, functional)
+        let ready = scene.ready(&parameters)?;
+        values_and_gradients(&ready.equilibria, &scene.device, &patterns, functional)
     })?;
     let mut values = Vec::with_capacity(count);
     let mut gradients = Vec::with_capacity(count * raster.cells());

@@ -1,6 +1,7 @@
-//! Runs work on all cores while other threads of Python go on, until Ctrl-C.
+//! Runs work on all cores, or briefly on the thread of a call, while other threads of Python go on, until Ctrl-C.
 
 use std::any::Any;
+use std::cell::{Cell, RefCell};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -118,4 +119,68 @@ pub fn run<T: Send + 'static>(
         (None, Ok(result)) => result.map_err(|error| raised(py, &error)),
         (None, Err(panic)) => resume_unwind(panic),
     }
+}
+
+/// A computation on the thread of its call.
+struct OwnCall {
+    /// When signals were last looked at.
+    looked: Instant,
+    /// What a handler of a signal has raised.
+    raised: Option<PyErr>,
+}
+
+thread_local! {
+    /// The innermost computation on this thread: a handler of a signal may begin another one.
+    static OWN_CALL: RefCell<Option<OwnCall>> = const { RefCell::new(None) };
+    static IS_WATCHING: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Returns whether this is the main thread, the only one that handles signals, and whose stack the program chooses.
+///
+/// # Errors
+/// That of Python.
+pub fn is_main_thread(py: Python<'_>) -> PyResult<bool> {
+    let threading = py.import("threading")?;
+    let current = threading.call_method0("current_thread")?;
+    Ok(current.is(threading.call_method0("main_thread")?))
+}
+
+/// Runs work that takes some milliseconds on this thread, the [main](is_main_thread) one, up to Ctrl-C: on a busy machine
+/// other threads would begin late. The work must not start work for several threads, and check interrupts often.
+///
+/// # Errors
+/// That of the work or of a handler.
+pub fn run_here<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T, CliError> + Send) -> PyResult<T> {
+    if !IS_WATCHING.replace(true) {
+        Interrupt::when(is_own_call_stopped).watch();
+    }
+    let own = OwnCall {
+        looked: Instant::now(),
+        raised: None,
+    };
+    let outer = OWN_CALL.replace(Some(own));
+    let done = py.detach(|| catch_unwind(AssertUnwindSafe(work)));
+    let own = OWN_CALL.replace(outer);
+    match (own.and_then(|own| own.raised), done) {
+        (Some(raised), _) => Err(raised),
+        (None, Ok(result)) => result.map_err(|error| raised(py, &error)),
+        (None, Err(panic)) => resume_unwind(panic),
+    }
+}
+
+/// Looks at the signals of Python from time to time; returns whether a handler has raised an exception.
+fn is_own_call_stopped() -> bool {
+    let known = OWN_CALL.with_borrow_mut(|own| match own {
+        Some(own) if own.raised.is_none() && own.looked.elapsed() > PAUSE => {
+            own.looked = Instant::now();
+            None
+        }
+        own => Some(own.as_ref().is_some_and(|own| own.raised.is_some())),
+    });
+    known.unwrap_or_else(|| {
+        let raised = Python::attach(|py| py.check_signals()).err();
+        let is_stopped = raised.is_some();
+        OWN_CALL.with_borrow_mut(|own| own.as_mut().map(|own| own.raised = raised));
+        is_stopped
+    })
 }

@@ -320,6 +320,7 @@ fn scenes_results_and_errors_are_pickled() {
 #[test]
 fn an_interrupt_ends_a_simulation_within_a_second() {
     script(&with_scenes(), "processes.py", "interrupt");
+    script(&with_scenes(), "processes.py", "interrupt_here");
 }
 
 #[test]

@@ -104,6 +104,41 @@ def interrupt():
     assert np.array_equal(again.displacement, expected.displacement)
 
 
+def interrupt_here():
+    """After a quick one, a single pattern is solved on the main thread. A handler of a signal may simulate there too."""
+    changes = {"geometry.cells": 50, "drive.voltage": "7.5 kV", "effects.electromechanical_stability": {}}
+    scene = deaflow.Scene.read("plain.yaml", changes)
+    patterns = [np.zeros((50, 50), dtype=int), np.random.default_rng(6).integers(0, 2, (50, 50))]
+    expected, nested, sent = SCENE.solve(PATTERNS[0]), [], []
+
+    def handler(*_):
+        nested.append(SCENE.solve(PATTERNS[0]))
+        nested.append(scene.solve(patterns[0], elements_per_cell=1))
+        if len(nested) == 4:
+            raise KeyboardInterrupt
+
+    def send():
+        for _ in range(2):
+            time.sleep(0.5)
+            sent.append(time.monotonic())
+            os.kill(os.getpid(), signal.SIGINT)
+
+    before = signal.signal(signal.SIGINT, handler)
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        while True:
+            for pattern in patterns:
+                scene.solve(pattern, elements_per_cell=1)
+    except KeyboardInterrupt:
+        waited = time.monotonic() - sent[1]
+    thread.join()
+    signal.signal(signal.SIGINT, before)
+    assert waited < 1.0, waited
+    for result in [nested[0], nested[2], SCENE.solve(PATTERNS[0])]:
+        assert np.array_equal(result.displacement, expected.displacement)
+
+
 def memory():
     def pages():
         return int(open("/proc/self/statm").read().split()[1])
@@ -121,4 +156,4 @@ def memory():
 
 
 if __name__ == "__main__":
-    {f.__name__: f for f in (threads_and_processes, other_threads_run, pickling, interrupt, memory)}[sys.argv[1]]()
+    {f.__name__: f for f in (threads_and_processes, other_threads_run, pickling, interrupt, interrupt_here, memory)}[sys.argv[1]]()
