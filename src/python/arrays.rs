@@ -169,7 +169,9 @@ fn numbers_or_texts(py: Python<'_>, data: Data, shape: Vec<usize>) -> PyResult<B
         Data::F32(values) => shaped(py, values.into_iter().map(|value| value + 0.0).collect(), shape),
         Data::F64(values) => shaped(py, values.into_iter().map(|value| value + 0.0).collect(), shape),
         Data::Text(values) => {
-            let array = py.import("numpy")?.call_method1("array", (PyList::new(py, values)?,))?;
+            // Without texts numpy would choose another type.
+            let as_texts = (PyList::new(py, values)?, "str");
+            let array = py.import("numpy")?.call_method1("array", as_texts)?;
             array.call_method1("reshape", (shape,))
         }
     }
