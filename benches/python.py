@@ -3,12 +3,12 @@
 
     benches/python.py [--deaflow PROGRAM] [--core PROGRAM] [--patterns 10000] [--rounds 5] [--cells 50]
 
-With the python in which the package is installed. The pattern alone, with one and two elements along a cell: the time of
-a call of `Scene.solve`, the `solve_seconds` of its result, and the difference, which is around the solver. With `--core`
-also those of the same call in Rust, in turns of 20 calls, by the program that `cargo bench -p deaflow-python --bench core
---no-run` builds. Numbers are 5 % quantiles, and medians in brackets. The batch: the processor time and the time of
-`deaflow solve` of a file, which also writes its result, and of a python that loads the same file and calls `Scene.solve`;
-and the sums of `solve_seconds` of both. The arrays must be the same bits.
+With the python in which the package is installed. The pattern alone, with one and two elements along a cell: the time
+of a call of `Scene.solve`, the `solve_seconds` of its result, and the difference, which is around the solver. With
+`--core` also those of the same call in Rust, in turns of 20 calls, by the program that `cargo bench -p deaflow-python
+--bench core --no-run` builds. Numbers are 5 % quantiles, and medians in brackets. The batch: the processor time and the
+time of `deaflow solve` of a file, which also writes its result, and of a python that loads the same file and calls
+`Scene.solve`; and the sums of `solve_seconds` of both. The arrays must be the same bits.
 """
 
 import argparse
@@ -98,8 +98,8 @@ def compare_alone(path, pattern, program, file):
             (call, solver), (middle_call, middle_solver) = low, middle
             around = np.percentile(np.array(rows[name])[:, 0] - np.array(rows[name])[:, 1], [5, 50])
             print(
-                f"one pattern, {elements_per_cell} along a cell, {name}: {call:.3f} ms (median {middle_call:.3f}), in the "
-                f"solver {solver:.3f} ({middle_solver:.3f}), around it {around[0]:.3f} ({around[1]:.3f})"
+                f"one pattern, {elements_per_cell} along a cell, {name}: {call:.3f} ms (median {middle_call:.3f}), in "
+                f"the solver {solver:.3f} ({middle_solver:.3f}), around it {around[0]:.3f} ({around[1]:.3f})"
             )
         if core:
             more = quantiles["Python"][:, 0] - quantiles["Rust"][:, 0]

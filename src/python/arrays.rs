@@ -77,8 +77,8 @@ pub fn patterns(
 
 /// The arrays of a result, attributes, and warnings about the model.
 ///
-/// An array becomes one of numpy when it is first asked for: after a solve all that Python does is slow, because its code
-/// and data are no longer in the caches of the processor, and most arrays of a result are never looked at.
+/// An array becomes one of numpy when it is first asked for: after a solve all that Python does is slow, because its
+/// code and data are no longer in the caches of the processor, and most arrays of a result are never looked at.
 #[pyclass(frozen, module = "deaflow._deaflow")]
 pub struct Found {
     arrays: BTreeMap<String, Array>,

@@ -17,8 +17,8 @@ use pyo3::prelude::*;
 /// The time between two looks at the signals of Python.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// The time in which work that is stopped can end, before it is left to itself: a factorisation of a large matrix, which
-/// takes half a minute, checks no interrupt.
+/// The time in which work that is stopped can end, before it is left to itself: a factorisation of a large matrix,
+/// which takes half a minute, checks no interrupt.
 const GRACE: Duration = Duration::from_millis(500);
 
 /// Threads for one call at a time.
@@ -72,8 +72,8 @@ impl Pool {
 }
 
 /// Runs work on all cores and returns its result; an exception if a handler of a signal raises one, as that of Ctrl-C
-/// does. The work then ends soon, and its result is dropped; work that does not end in [`GRACE`] goes on alone, with its
-/// threads, up to its next check of an interrupt.
+/// does. The work then ends soon, and its result is dropped; work that does not end in [`GRACE`] goes on alone, with
+/// its threads, up to its next check of an interrupt.
 ///
 /// # Errors
 /// That of the work or of a handler, or if the system starts no threads.
@@ -145,8 +145,8 @@ pub fn is_main_thread(py: Python<'_>) -> PyResult<bool> {
     Ok(current.is(threading.call_method0("main_thread")?))
 }
 
-/// Runs work that takes some milliseconds on this thread, the [main](is_main_thread) one, up to Ctrl-C: on a busy machine
-/// other threads would begin late. The work must not start work for several threads, and check interrupts often.
+/// Runs work that takes some milliseconds on this thread, the [main](is_main_thread) one, up to Ctrl-C: on a busy
+/// machine other threads would begin late. The work must not start work for several threads, and check interrupts often.
 ///
 /// # Errors
 /// That of the work or of a handler.

@@ -105,7 +105,7 @@ def interrupt():
 
 
 def interrupt_here():
-    """After a quick one, a single pattern is solved on the main thread. A handler of a signal may simulate there too."""
+    """After a quick one, a single pattern is solved on the main thread. Handlers of signals may simulate there too."""
     changes = {"geometry.cells": 50, "drive.voltage": "7.5 kV", "effects.electromechanical_stability": {}}
     scene = deaflow.Scene.read("plain.yaml", changes)
     patterns = [np.zeros((50, 50), dtype=int), np.random.default_rng(6).integers(0, 2, (50, 50))]
