@@ -21,6 +21,8 @@ const BELOW: f64 = 0.95;
 /// The patterns and their solutions in the current scene.
 pub struct Comparer {
     patterns: Vec<(String, Pattern)>,
+    /// The same without the shares of cells that electrodes cover, if a pattern has them.
+    of_cells: Option<Vec<(String, Pattern)>>,
     purpose: Purpose,
     each: WorkLimit,
     /// Remaining work for each pattern.
@@ -31,6 +33,8 @@ pub struct Comparer {
 /// The solutions of all patterns in one scene on one mesh.
 pub struct SolvedScene {
     solver: MembraneSolver,
+    /// Whether electrodes cover whole cells, as a fringe field has them.
+    is_of_cells: bool,
     solutions: Vec<MeshSolution>,
 }
 
@@ -46,10 +50,17 @@ impl Comparer {
     pub fn new(tests: &[TestPattern], purpose: Purpose, limit: WorkLimit) -> Self {
         let named = |test: &TestPattern| (test.name.clone(), test.pattern.clone());
         let patterns: Vec<_> = tests.iter().map(named).collect();
+        let is_covered = patterns.iter().any(|(_, pattern)| pattern.coverage().is_some());
+        let of_cells = |(name, pattern): &(String, Pattern)| {
+            let (cells, columns) = (pattern.cells(), pattern.raster().columns());
+            let pattern = Pattern::from_groups(pattern.raster(), |x, y| cells[y * columns + x]);
+            (name.clone(), pattern)
+        };
         Self {
             purpose,
             each: limit.part(EACH),
             left: vec![limit; patterns.len()],
+            of_cells: is_covered.then(|| patterns.iter().map(of_cells).collect()),
             patterns,
             current: None,
         }
@@ -59,6 +70,7 @@ impl Comparer {
     pub fn resolving_strips(&self) -> Self {
         Self {
             patterns: self.patterns.clone(),
+            of_cells: self.of_cells.clone(),
             purpose: Purpose::Table,
             each: self.each,
             left: self.left.clone(),
@@ -77,16 +89,25 @@ impl Comparer {
         }
     }
 
-    fn solve(&mut self, scene: &Scene, grid: Grid) -> Result<SolvedScene, SetupError> {
+    /// Returns the patterns, with whole cells or as drawn.
+    fn patterns(&self, is_of_cells: bool) -> &[(String, Pattern)] {
+        self.of_cells.as_ref().filter(|_| is_of_cells).unwrap_or(&self.patterns)
+    }
+
+    fn solve(&mut self, scene: &Scene, grid: Grid, is_of_cells: bool) -> Result<SolvedScene, SetupError> {
         let solver = MembraneSolver::on_grid(scene, OPTIONS, grid)?;
-        let work = self.patterns.par_iter().zip(&self.left);
+        let work = self.patterns(is_of_cells).par_iter().zip(&self.left);
         let solutions: Vec<MeshSolution> = work
             .map(|((_, pattern), left)| solver.solve_within(pattern, self.each.min(*left)))
             .collect();
         for (left, solution) in self.left.iter_mut().zip(&solutions) {
             *left = left.less(solution.work);
         }
-        Ok(SolvedScene { solver, solutions })
+        Ok(SolvedScene {
+            solver,
+            is_of_cells,
+            solutions,
+        })
     }
 
     /// Solves for all patterns in another scene, and in the current scene if its solutions are on another grid.
@@ -95,10 +116,16 @@ impl Comparer {
     /// If a scene cannot be simulated.
     pub fn prepare(&mut self, current: &Scene, other: &Scene) -> Result<SolvedScene, SetupError> {
         let grid = self.elements([current, other])?;
-        if self.current.as_ref().is_none_or(|current| current.solver.grid != grid) {
-            self.current = Some(self.solve(current, grid.clone())?);
+        // The difference of both shall be that of the effect, and not that of two kinds of edges.
+        let has_fringe = [current, other]
+            .iter()
+            .any(|scene| scene.effects.fringe_field.is_some());
+        let is_of_cells = self.of_cells.is_some() && has_fringe;
+        let is_usable = |solved: &SolvedScene| solved.solver.grid == grid && solved.is_of_cells == is_of_cells;
+        if !self.current.as_ref().is_some_and(is_usable) {
+            self.current = Some(self.solve(current, grid.clone(), is_of_cells)?);
         }
-        self.solve(other, grid)
+        self.solve(other, grid, is_of_cells)
     }
 
     /// Returns the field and the outcome of all patterns in the current scene.
@@ -106,15 +133,15 @@ impl Comparer {
     /// # Errors
     /// If the scene cannot be simulated.
     pub fn examine(&mut self, scene: &Scene) -> Result<Vec<Examined>, SetupError> {
-        let solved = match self.current.take() {
+        let solved = match self.current.take().filter(|solved| !solved.is_of_cells) {
             Some(solved) => solved,
             None => {
                 let grid = self.elements([scene; 2])?;
-                self.solve(scene, grid)?
+                self.solve(scene, grid, false)?
             }
         };
         let breakdown = breakdown_strength_or_default(scene);
-        let tests = self.patterns.iter().zip(&solved.solutions);
+        let tests = self.patterns(solved.is_of_cells).iter().zip(&solved.solutions);
         let examined = tests.map(|((name, pattern), solution)| Examined {
             pattern: name.clone(),
             outcome: solution.outcome,
@@ -144,7 +171,11 @@ impl Comparer {
         } else {
             [other, current]
         };
-        let all = self.patterns.par_iter().zip(&self.left).enumerate();
+        let all = self
+            .patterns(current.is_of_cells)
+            .par_iter()
+            .zip(&self.left)
+            .enumerate();
         let found: Vec<(Comparison, u64)> = all
             .map(|(at, ((name, pattern), left))| {
                 let solutions = sides.map(|side| &side.solutions[at]);

@@ -9,7 +9,7 @@ use crate::effects::{EFFECTS, Verdict};
 use crate::{MembraneSolver, SetupError, SolveOptions, WorkLimit};
 use deaflow_base::{Decimal, Declared, Density, ElectricField, Frequency, Length, Parameter, Resistance, Stress, Time};
 use deaflow_field::{Mesh, Outcome};
-use deaflow_pattern::{Pattern, Raster};
+use deaflow_pattern::{Coverage, Pattern, Raster};
 use deaflow_scene::effects::names;
 use deaflow_scene::laws::{Gent, Ogden, OgdenTerm, Yeoh};
 use deaflow_scene::{
@@ -347,6 +347,34 @@ fn warnings_are_about_the_given_patterns_alone() {
     let some = TestPattern::some_of(&vec![half(); 10], "sample");
     let names: Vec<&str> = some.iter().map(|test| test.name.as_str()).collect();
     assert_eq!(names, ["sample 0", "sample 2", "sample 5", "sample 7"]);
+}
+
+#[test]
+fn a_fringe_field_is_judged_on_whole_cells() {
+    // A column that is covered by less than half is bare as a whole cell.
+    let share = |cell: usize| match cell % 50 {
+        0..25 => 1.0,
+        25 => 0.45,
+        _ => 0.0,
+    };
+    let shares: Vec<f64> = (0..2500).map(share).collect();
+    let groups: Vec<u8> = shares.iter().map(|share| u8::from(*share > 0.0)).collect();
+    let covered = Pattern::of_coverage(Coverage::new(Raster::PAPER, &groups, &shares).unwrap());
+    let scene = Scene::vhb4910();
+    let other = scene.with_effects(Effects {
+        fringe_field: Some(On {}),
+        ..scene.effects.clone()
+    });
+    let difference = |pattern: &Pattern| {
+        let tests = TestPattern::some_of(std::slice::from_ref(pattern), "pattern");
+        let mut comparer = comparer::Comparer::new(&tests, examine::Purpose::Warnings, WorkLimit::default());
+        let with = comparer.prepare(&scene, &other).unwrap();
+        let found = comparer.compare(&with, true).unwrap().remove(0);
+        found.displacement.unwrap().difference
+    };
+    let of_cells = difference(&half());
+    assert!(of_cells > 0.0 && of_cells < 0.02, "{of_cells}");
+    assert_eq!(difference(&covered), of_cells);
 }
 
 #[test]
