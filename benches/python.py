@@ -6,7 +6,7 @@
 With the python in which the package is installed. The pattern alone, with one and two elements along a cell: the time
 of a call of `Scene.solve`, the `solve_seconds` of its result, and the difference, which is around the solver. With
 `--core` also those of the same call in Rust, in turns of 20 calls, by the program that `cargo bench -p deaflow-python
---bench core --no-run` builds. Numbers are 5 % quantiles, and medians in brackets. The batch: the processor time and the
+--bench call --no-run` builds. Numbers are 5 % quantiles, and medians in brackets. The batch: the processor time and the
 time of `deaflow solve` of a file, which also writes its result, and of a python that loads the same file and calls
 `Scene.solve`; and the sums of `solve_seconds` of both. The arrays must be the same bits.
 """

@@ -1,7 +1,7 @@
 //! The call that `Scene.solve` of the Python package makes, without Python: `benches/python.py` runs it by turns with
 //! Python.
 //!
-//! `cargo bench -p deaflow-python --bench core -- SCENE PATTERN ELEMENTS_PER_CELL`. PATTERN is a file with a byte for
+//! `cargo bench -p deaflow-python --bench call -- SCENE PATTERN ELEMENTS_PER_CELL`. PATTERN is a file with a byte for
 //! the electrode group of each cell. For each number that it reads from the standard input it makes as many calls, and
 //! prints a line with the time of each in µs and its `solve_seconds` in µs.
 
@@ -28,6 +28,10 @@ impl Progress for Unseen {
 
 fn main() -> Result<(), Failure> {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|word| word != "--bench").collect();
+    if arguments.is_empty() {
+        println!("the call of Scene.solve in Rust: benches/python.py --core runs it by turns with Python");
+        return Ok(());
+    }
     let [scene, pattern, elements_per_cell] = arguments.as_slice() else {
         return Err("give a scene, a pattern and the number of elements along a cell".into());
     };
