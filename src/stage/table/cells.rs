@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::columns::{Column, Content, Row};
 use crate::results::unit;
-use deaflow_base::{Canonical, Dimension, InputError, Node, NodeValue, Quantity};
+use deaflow_base::{Canonical, Decimal, Dimension, InputError, Node, NodeValue, Quantity};
 use deaflow_orchestrator::StageError;
 
 /// The longest word in a cell, in bytes: that of texts in artifacts.
@@ -52,21 +52,22 @@ impl CellValue {
 
 impl Cells {
     pub fn new(columns: &[Column], rows: &[Row]) -> Self {
-        let cell = |column: &Column, row: &Row| match &column.content {
-            Content::Axis => Cell::Axis(row.axes.get(&column.name).map(text_of).unwrap_or_default()),
-            Content::Result { stage, .. } => {
-                let own = row
-                    .needs
-                    .iter()
-                    .filter(|(name, _)| stage.as_ref().is_none_or(|stage| stage == name));
-                Cell::Needs(own.map(|(_, index)| *index).collect())
+        let cells = |column: &Column| -> Vec<Cell> {
+            match &column.content {
+                Content::Axis => axis_texts(&column.name, rows).into_iter().map(Cell::Axis).collect(),
+                Content::Result { stage, .. } => {
+                    let is_own = |name: &String| stage.as_ref().is_none_or(|stage| stage == name);
+                    let needs = |row: &Row| {
+                        let own = row.needs.iter().filter(|(name, _)| is_own(name));
+                        Cell::Needs(own.map(|(_, index)| *index).collect())
+                    };
+                    rows.iter().map(needs).collect()
+                }
             }
         };
-        Self(
-            rows.iter()
-                .map(|row| columns.iter().map(|column| cell(column, row)).collect())
-                .collect(),
-        )
+        let mut columns: Vec<_> = columns.iter().map(|column| cells(column).into_iter()).collect();
+        let row = |_: &Row| columns.iter_mut().filter_map(Iterator::next).collect();
+        Self(rows.iter().map(row).collect())
     }
 
     /// Checks that cells can hold the values of the axes.
@@ -171,6 +172,19 @@ fn unfit(column: &str, text: &str) -> String {
     }
 }
 
+/// Returns the text of an axis in each row, empty if the row does not have it. Percentages are written as fractions,
+/// which are numbers, unless other values are neither.
+fn axis_texts(name: &str, rows: &[Row]) -> Vec<String> {
+    let nodes = || rows.iter().map(|row| row.axes.get(name));
+    let is_number = |node: &Node| node.percentage().is_some() || text_of(node).parse::<Decimal>().is_ok();
+    let are_numbers = nodes().flatten().all(is_number);
+    let text = |node: &Node| match node.percentage().filter(|_| are_numbers) {
+        Some(fraction) => fraction.to_f64().to_string(),
+        None => text_of(node),
+    };
+    nodes().map(|node| node.map(text).unwrap_or_default()).collect()
+}
+
 /// Returns the text of a value of an axis.
 fn text_of(node: &Node) -> String {
     match node.value() {
@@ -213,7 +227,26 @@ fn axis_values(texts: &[&str]) -> Result<(Vec<CellValue>, &'static str), usize> 
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
+    use deaflow_base::Document;
+
+    #[test]
+    fn percentages_of_an_axis_are_numbers() {
+        let texts = |values: &str| {
+            let document = Document::from_text(Path::new("p.yaml"), &format!("area: [{values}]")).unwrap();
+            let values = document.root.peek("area").unwrap().list("area").unwrap().to_vec();
+            let row = |value: Node| Row {
+                axes: [("area".to_owned(), value)].into(),
+                needs: Vec::new(),
+            };
+            axis_texts("area", &values.into_iter().map(row).collect::<Vec<_>>())
+        };
+        assert_eq!(texts("10 %, '12.5%', 0.3"), ["0.1", "0.125", "0.3"]);
+        assert_eq!(texts("10 %, free"), ["10 %", "free"]);
+        assert_eq!(texts("0.30, 1"), ["0.30", "1"]);
+    }
 
     #[test]
     fn the_values_of_an_axis_have_one_unit() {
