@@ -100,7 +100,7 @@ pub struct DesignArguments {
     /// or the first]
     #[arg(long, value_name = "N", value_parser = integer::<u64>(1..=u64::MAX), help_heading = WHICH)]
     member: Option<u64>,
-    /// The number of units along a side of the design
+    /// The number of units along a side of the design; 50 if it was searched by single cells
     #[arg(long, value_name = "N", help_heading = WHICH)]
     units: Option<u64>,
 }

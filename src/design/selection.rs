@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 use std::fmt;
 
 use deaflow_base::InputError;
-use deaflow_pattern::Role;
+use deaflow_pattern::{CELLS, Role};
 
 /// Maximum number of designs that an error lists.
 const LISTED: usize = 24;
@@ -73,7 +73,12 @@ impl DesignLabel {
 impl fmt::Display for DesignLabel {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (target, role) = (self.target_text(), self.role.name());
-        write!(f, "{target} ({role}, number {}, {} units)", self.member + 1, self.units)
+        write!(f, "{target} ({role}, number {}, ", self.member + 1)?;
+        match self.units == CELLS as u64 {
+            // The membrane may have other cells than 50 × 50.
+            true => f.write_str("single cells)"),
+            false => write!(f, "{} units)", self.units),
+        }
     }
 }
 
@@ -117,8 +122,9 @@ impl DesignFilter<'_> {
             (Some(row), None) => Ok(row),
             _ => {
                 let several = list(labels.iter().filter(|label| is_best(label)).map(ToString::to_string));
-                Err(InputError::new("several designs match")
-                    .help(format!("use --role, --member and --units: {several}")))
+                Err(InputError::new("several designs match").help(format!(
+                    "use --role, --member and --units ({CELLS}: single cells): {several}"
+                )))
             }
         }
     }
@@ -219,7 +225,10 @@ mod tests {
         };
         let several = refused(&labels(), optimum);
         assert!(
-            several.contains("--units: case I, a (optimum, number 1, 20 units); case I, a (optimum"),
+            several.ends_with(
+                "--units (50: single cells): case I, a (optimum, number 1, 20 units); case I, a (optimum, number 1, \
+                 single cells)"
+            ),
             "{several}"
         );
         let none = DesignFilter {

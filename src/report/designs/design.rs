@@ -9,7 +9,7 @@ use crate::drawing::{Background, DeformedMembrane};
 use crate::format::mm;
 use crate::intervals::NetworkInterval;
 use deaflow_field::OutcomeKind;
-use deaflow_pattern::{Pattern, Role};
+use deaflow_pattern::{CELLS, Pattern, Role};
 use deaflow_scene::Scene;
 
 /// Below a micrometre, the ratio of displacements means nothing.
@@ -131,6 +131,15 @@ impl Design {
     /// Returns the electrode area on the prestretched membrane in mm².
     #[must_use]
     pub fn area_mm2(&self) -> f64 {
+    /// Returns the columns and rows that the search could switch: those of units, or of the cells.
+    #[must_use]
+    pub fn unit_sides(&self) -> [usize; 2] {
+        match usize::try_from(self.units) {
+            Ok(units) if units != CELLS => [units, units],
+            _ => self.pattern.raster().sides(),
+        }
+    }
+
         self.area * self.scene.free_area_mm2()
     }
 

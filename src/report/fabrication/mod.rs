@@ -113,7 +113,8 @@ impl FabricationSheet<'_> {
                 h1 { (self.title()) }
                 p {
                     "Fabrication sheet · pipeline " b { (history.pipeline) } " · stage " b { (design.made.stage) }
-                    " · " (design.units) " units · " (software())
+                    @let [columns, rows] = design.unit_sides();
+                    " · " (columns) " × " (rows) " units · " (software())
                 }
                 p.mono { "artifact " (design.made.digest) }
             }

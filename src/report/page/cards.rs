@@ -7,7 +7,6 @@ use crate::drawing::{Background, direction};
 use crate::format::{change, mm, mm_measured, percents, three};
 use deaflow_base::no_break_units;
 use deaflow_field::OutcomeKind;
-use deaflow_pattern::CELLS;
 
 /// The folder of the files of a report, relative to its page.
 pub const FOLDER: &str = "data/";
@@ -52,7 +51,8 @@ fn card(design: &Design, several: bool, scale: f64) -> Markup {
             h5 {
                 (title)
                 span {
-                    @if design.role.is_found() && has_units(design) { (design.units) " × " (design.units) " units" }
+                    @let [columns, rows] = design.unit_sides();
+                    @if design.role.is_found() { (columns) " × " (rows) " units" }
                 }
             }
             div.pair {
@@ -70,11 +70,6 @@ fn card(design: &Design, several: bool, scale: f64) -> Markup {
             }
         }
     }
-}
-
-/// Whether it has the same number of units along both sides, which a rectangle searched cell by cell has not.
-fn has_units(design: &Design) -> bool {
-    design.units < CELLS as u64 || design.background.has_paper_grid()
 }
 
 /// Draws the electrode at rest, with the points and directions of the objective.

@@ -188,7 +188,10 @@ fn row(design: &Design, is_swept: bool) -> Vec<String> {
             String::new()
         },
         format!("{}{number}", role_title(design.role)),
-        design.units.to_string(),
+        match design.unit_sides() {
+            [columns, rows] if columns == rows => columns.to_string(),
+            [columns, rows] => format!("{columns} × {rows}"),
+        },
         percents(design.area),
         three(design.area_mm2()),
         text(design.predicted_mm.map(|value| design.number(value))),
