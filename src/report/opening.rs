@@ -1,4 +1,5 @@
-//! What the report of a run begins with: its best design, or else its main result, as a sentence and a picture.
+//! What the report of a run begins with: its best design or its front, or else its main result, as a sentence and a
+//! picture.
 
 use super::artifacts::{ArtifactReader, RunArtifacts};
 use super::designs::designs;
@@ -6,14 +7,14 @@ use super::drawing::{Sheet, image};
 use super::error::ReportError;
 use super::headline::headlines;
 use super::kinds::by_section;
-use super::page::best::{best_design, facts, has_others, picture, sentence};
+use super::page::best::Best;
 
 /// The sentence that a report begins with.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Opening {
-    /// The displacement of the best design, or else the main result; empty without results.
+    /// The displacement of the best design or the ends of the front, or else the main result; empty without results.
     pub sentence: String,
-    /// What the best design is for, what it gains, and how sure it is; empty without a design.
+    /// What the best design or the front is for, and how sure it is; empty without a design.
     pub facts: Vec<String>,
 }
 
@@ -24,11 +25,10 @@ impl Opening {
     /// If an artifact cannot be read or does not have the content of its kind.
     pub fn of(run: &RunArtifacts<'_>) -> Result<Self, ReportError> {
         let all = designs(run, &run.superseded())?;
-        if let Some(design) = best_design(&all) {
-            let several = has_others(&all, design);
+        if let Some(best) = Best::of(&all) {
             return Ok(Self {
-                sentence: sentence(design),
-                facts: facts(design, several.then_some(&all)),
+                sentence: best.sentence(),
+                facts: best.facts(&all),
             });
         }
         let (lines, _) = headlines(run)?;
@@ -40,15 +40,15 @@ impl Opening {
     }
 }
 
-/// Draws the best design of a run, or else the first figure of its report, as an SVG document; `None` if there is
+/// Draws the best design of a run or the ends of its front, or else the first figure of its report, as an SVG document; `None` if there is
 /// nothing to draw.
 ///
 /// # Errors
 /// If an artifact cannot be read or does not have the content of its kind.
 pub fn opening_picture(run: &RunArtifacts<'_>) -> Result<Option<String>, ReportError> {
     let document = |(sheet, description): (Sheet, String)| image(sheet.size, &sheet.svg(&description));
-    if let Some(design) = best_design(&designs(run, &run.superseded())?) {
-        return Ok(Some(document(picture(design))));
+    if let Some(best) = Best::of(&designs(run, &run.superseded())?) {
+        return Ok(Some(document(best.picture())));
     }
     Ok(first_figure(run)?.map(document))
 }

@@ -6,13 +6,14 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::artifacts::StageArtifact;
-use super::designs::{Design, DesignStatistics, designs, role_word};
+use super::designs::{Design, DesignStatistics, OtherObjective, designs, role_word};
 use super::error::ReportError;
 use super::export::{cell_lines, dxf, mask_drawing};
 use super::history::PipelineHistory;
 use super::intervals::NetworkInterval;
 use super::page::{self, report_page};
 use deaflow_base::{CsvColumn, CsvTable, OutputFile, csv_metadata, folder_of, read_bounded};
+use deaflow_field::{CHARGE_UNIT, REACTION_UNIT};
 use deaflow_scene::{Mask, Size};
 use deaflow_store::Store;
 
@@ -46,6 +47,18 @@ pub const COLUMNS: [&str; 28] = [
     "novelty",
     "out_of_distribution",
     "pattern_file",
+];
+
+/// Columns of designs of fronts, before the last one: the objectives after the first, in the syntax of pipelines, with
+/// their values as predicted by the search. Areas have their column in all reports.
+pub const FRONT_COLUMNS: [&str; 7] = [
+    "second_objective",
+    "second_predicted_mm",
+    "second_predicted_mN",
+    "third_objective",
+    "third_predicted_mm",
+    "third_predicted_mN",
+    "charge_nC",
 ];
 
 /// The largest table or page, bytes.
@@ -240,7 +253,7 @@ fn described(designs: &[Design], history: &PipelineHistory, made: &[StageArtifac
     let patterns = designs
         .iter()
         .map(|design| table(design.pattern_file(), &design.name, Vec::new()));
-    let columns = COLUMNS.map(CsvColumn::of_title).to_vec();
+    let columns = columns(designs).into_iter().map(CsvColumn::of_title).collect();
     std::iter::once(table("designs.csv".to_owned(), "designs", columns))
         .chain(patterns)
         .collect()
@@ -248,15 +261,54 @@ fn described(designs: &[Design], history: &PipelineHistory, made: &[StageArtifac
 
 fn table_text(designs: &[Design]) -> io::Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(COLUMNS)?;
+    writer.write_record(columns(designs))?;
     for design in designs {
-        writer.write_record(row(design))?;
+        let mut cells = row(design).to_vec();
+        if has_front(designs) {
+            cells.splice(COLUMNS.len() - 1..COLUMNS.len() - 1, front_row(design));
+        }
+        writer.write_record(cells)?;
     }
     writer.into_inner().map_err(|e| e.into_error())
 }
 
+/// Returns the columns of the table of some designs.
+fn columns(designs: &[Design]) -> Vec<&'static str> {
+    let mut columns = COLUMNS.to_vec();
+    if has_front(designs) {
+        columns.splice(COLUMNS.len() - 1..COLUMNS.len() - 1, FRONT_COLUMNS);
+    }
+    columns
+}
+
+/// Whether some designs are points of fronts.
+fn has_front(designs: &[Design]) -> bool {
+    designs.iter().any(|design| design.front.is_some())
+}
+
+/// The cells of the columns of fronts.
+fn front_row(design: &Design) -> [String; FRONT_COLUMNS.len()] {
+    let others = design.front.as_ref().map_or(&[][..], |place| &place.others);
+    let text = |at: usize| others.get(at).map_or_else(String::new, |other| other.text.clone());
+    let value = |other: Option<&OtherObjective>| other.map_or_else(String::new, |other| number(other.value));
+    let in_unit = |at: usize, unit: &str| value(others.get(at).filter(|other| other.unit == unit));
+    [
+        text(0),
+        in_unit(0, "mm"),
+        in_unit(0, REACTION_UNIT),
+        text(1),
+        in_unit(1, "mm"),
+        in_unit(1, REACTION_UNIT),
+        value(others.iter().find(|other| other.unit == CHARGE_UNIT)),
+    ]
+}
+
+/// Writes a number with six decimals, without a minus sign of zero.
+fn number(value: f64) -> String {
+    format!("{:.6}", value + 0.0)
+}
+
 fn row(design: &Design) -> [String; COLUMNS.len()] {
-    let number = |value: f64| format!("{:.6}", value + 0.0);
     let known = |value: Option<f64>| value.map_or_else(String::new, number);
     let (compared, interval) = (&design.compared, design.interval.as_ref());
     let is_motion = design.objective.unit() == "mm";
@@ -297,7 +349,7 @@ fn row(design: &Design) -> [String; COLUMNS.len()] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::designs::{Objective, Role, tests::design};
+    use super::super::designs::{FrontPlace, Objective, Role, tests::design};
     use super::super::intervals::tests::interval;
     use super::*;
     use deaflow_pattern::Raster;
@@ -335,6 +387,68 @@ mod tests {
             lines[2].contains("direction: 0 }\",0.5,0.500000,1250.000000,1.000000,,,,,,,,,,,,,,,,"),
             "{}",
             lines[2]
+        );
+    }
+
+    #[test]
+    fn points_of_fronts_have_all_their_objectives() {
+        let other = |text: &str, unit: &str, value| OtherObjective {
+            text: text.to_owned(),
+            description: String::new(),
+            unit: unit.to_owned(),
+            value,
+        };
+        let mut point = design(Role::Ga, 20, None);
+        point.front = Some(FrontPlace {
+            stage: "three".to_owned(),
+            others: vec![
+                other("{ reaction: right }", "mN", -1.5),
+                other("{ charge: least }", "nC", 812.5),
+            ],
+        });
+        let text = table_text(&[point.clone(), design(Role::Own, 50, None)]).unwrap();
+        let mut reader = csv::Reader::from_reader(text.as_slice());
+        let header = reader.headers().unwrap().clone();
+        assert_eq!(
+            (header.get(0), header.iter().next_back()),
+            (Some("name"), Some("pattern_file"))
+        );
+        let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
+        let cell = |row: usize, name: &str| {
+            rows[row]
+                .get(header.iter().position(|one| one == name).unwrap())
+                .unwrap()
+        };
+        let cells = FRONT_COLUMNS.map(|name| cell(0, name));
+        assert_eq!(
+            cells,
+            [
+                "{ reaction: right }",
+                "",
+                "-1.500000",
+                "{ charge: least }",
+                "",
+                "",
+                "812.500000"
+            ]
+        );
+        assert!(FRONT_COLUMNS.into_iter().all(|name| cell(1, name).is_empty()));
+        assert!(cell(0, "pattern_file").starts_with("patterns/"));
+        let unit = |name: &str| CsvColumn::of_title(name).unit;
+        assert_eq!(
+            [
+                "second_predicted_mm",
+                "third_predicted_mN",
+                "charge_nC",
+                "second_objective"
+            ]
+            .map(unit),
+            [
+                Some("mm".to_owned()),
+                Some("mN".to_owned()),
+                Some("nC".to_owned()),
+                None
+            ]
         );
     }
 

@@ -2,6 +2,7 @@
 
 mod answers;
 mod areas;
+mod fronts;
 mod gallery;
 mod overview;
 mod pad;

@@ -151,6 +151,7 @@ pub(crate) mod tests {
             interval: None,
             outcome: None,
             compared: Comparison::default(),
+            front: None,
         }
     }
 

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::compare::gain;
+use super::front::FrontPlace;
 use super::objective::{Objective, TargetPoint};
 use crate::artifacts::StageArtifact;
 use crate::drawing::{Background, DeformedMembrane};
@@ -73,6 +74,8 @@ pub struct Design {
     pub outcome: Option<OutcomeKind>,
     /// Comparison with other designs.
     pub compared: Comparison,
+    /// Its place in a front, if it is a point of one.
+    pub front: Option<FrontPlace>,
 }
 
 /// Simulated displacements along the target directions in mm, for the same case and target.
@@ -128,9 +131,6 @@ impl Design {
         DeformedMembrane::new(self.pattern.cells(), field, self.background.clone(), points).ok()
     }
 
-    /// Returns the electrode area on the prestretched membrane in mm².
-    #[must_use]
-    pub fn area_mm2(&self) -> f64 {
     /// Returns the columns and rows that the search could switch: those of units, or of the cells.
     #[must_use]
     pub fn unit_sides(&self) -> [usize; 2] {
@@ -140,6 +140,9 @@ impl Design {
         }
     }
 
+    /// Returns the electrode area on the prestretched membrane in mm².
+    #[must_use]
+    pub fn area_mm2(&self) -> f64 {
         self.area * self.scene.free_area_mm2()
     }
 

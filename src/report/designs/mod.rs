@@ -2,6 +2,7 @@
 
 mod compare;
 mod design;
+mod front;
 mod membranes;
 mod names;
 mod objective;
@@ -9,11 +10,13 @@ mod read;
 mod statistics;
 
 #[cfg(test)]
-pub(super) use {compare::tests, objective::Objective};
+pub(super) use {compare::tests, front::FrontPlace, objective::Objective};
 
 pub(super) use compare::{Compared, comparison, gain};
 pub use deaflow_pattern::Role;
 pub use design::{Design, LEAST_MM, StateField};
+pub use front::OtherObjective;
+pub(super) use front::{in_nano, is_cost, objective_words, point_words};
 pub(super) use membranes::membranes;
 pub(super) use names::is_swept;
 pub use objective::{TargetMotion, is_to_be_met, quantity};

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::compare::compare;
 use super::design::{Comparison, Design, StateField};
+use super::front::places;
 use super::names::name;
 use super::objective::Objective;
 use crate::artifacts::{ArtifactReader, RunArtifacts};
@@ -36,7 +37,12 @@ pub fn designs(run: &RunArtifacts<'_>, superseded: &[&str]) -> Result<Vec<Design
             }
         }
     }
-    for design in run.each("design", searched)?.into_iter().flatten() {
+    let searched: Vec<Design> = run.each("design", searched)?.into_iter().flatten().collect();
+    for design in &mut all {
+        let own = searched.iter().find(|own| is_same_pattern(own, design));
+        design.front = own.and_then(|own| own.front.clone());
+    }
+    for design in searched {
         if !all.iter().chain(&earlier).any(|known| is_same(known, &design)) {
             all.push(design);
         }
@@ -49,7 +55,13 @@ pub fn designs(run: &RunArtifacts<'_>, superseded: &[&str]) -> Result<Vec<Design
 
 /// Whether both are the same design: the more accurate of two verifications is kept.
 fn is_same(a: &Design, b: &Design) -> bool {
-    a.has_same_target(b) && (a.role, a.member, a.units) == (b.role, b.member, b.units) && a.pattern == b.pattern
+    a.has_same_target(b) && is_same_pattern(a, b)
+}
+
+/// Whether both are the same pattern of a target, maybe in other scenes.
+fn is_same_pattern(a: &Design, b: &Design) -> bool {
+    let is_same_target = (&a.case, &a.target) == (&b.case, &b.target);
+    is_same_target && (a.role, a.member, a.units) == (b.role, b.member, b.units) && a.pattern == b.pattern
 }
 
 /// Whether one verification has a smaller estimated error than another.
@@ -120,7 +132,14 @@ fn verified(source: &ArtifactReader<'_>) -> Result<Vec<Design>, ReportError> {
 fn searched(source: &ArtifactReader<'_>) -> Result<Vec<Design>, ReportError> {
     let view = source.of(Designs::open(source.artifact))?;
     let predicted = source.of(view.value().read())?;
-    read(source, &view.rows(), &view.scene(), &predicted)
+    let mut designs = read(source, &view.rows(), &view.scene(), &predicted)?;
+    if let Some(first) = designs.first() {
+        let places = places(source, &view, &first.scene.clone())?;
+        for (design, place) in designs.iter_mut().zip(places) {
+            design.front = Some(place);
+        }
+    }
+    Ok(designs)
 }
 
 /// Reads the rows of an artifact with their predicted displacements, without simulations.
@@ -169,6 +188,7 @@ fn read(
             interval: intervals[k].clone(),
             outcome: None,
             compared: Comparison::default(),
+            front: None,
         })
     };
     (0..rows.len()).map(design).collect()

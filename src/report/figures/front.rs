@@ -29,7 +29,7 @@ pub struct FrontAxis {
     pub name: String,
     /// The unit of its values.
     pub unit: String,
-    /// What it is, for the title of a chart.
+    /// What it is, for the note of a chart.
     pub objective: String,
 }
 
@@ -115,8 +115,11 @@ fn front(data: &FrontFigure, other: usize) -> Chart {
         Mark::Dots
     };
     let series = Series::new("", Colour::Blue, mark, points).with_texts(texts.collect());
-    let title = format!("Front: {} against {}", first.objective, second.objective);
+    let title = format!("Front: {} against {}", first.name, second.name);
     let mut chart = Chart::new(title, [x, y], vec![series]).with_size(LARGE);
+    if second.objective != second.name {
+        chart = chart.with_note(format!("{}: {}", second.name, second.objective));
+    }
     chart.inside = Some(inside);
     chart
 }
@@ -230,6 +233,15 @@ mod tests {
         assert!(
             drawn.contains("front-2: 1.400 mm at area 8.00 %, third objective −0.400 mm"),
             "{drawn}"
+        );
+        // An objective is named on the axis, and described beside the title.
+        assert_eq!(charts[1].note, "");
+        three.axes[2].objective = "displacement of (35, 25) mm by (0, 0) mm".to_owned();
+        let described = &front_charts(&three).unwrap()[1];
+        assert_eq!(described.title, "Front: displacement against third objective");
+        assert_eq!(
+            described.note,
+            "third objective: displacement of (35, 25) mm by (0, 0) mm"
         );
     }
 

@@ -5,14 +5,15 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::artifacts::ArtifactReader;
-use crate::designs::quantity;
+use crate::designs::{in_nano, is_cost, objective_words, point_words, quantity};
 use crate::drawing::{Background, Chart, Sheet};
 use crate::error::ReportError;
 use crate::figures::{FrontAxis, FrontDesign, FrontFigure, front_charts, front_sheet};
-use crate::format::{mm, percent};
+use crate::format::{counted, mm, percent};
 use crate::presenter::Headline;
 use deaflow_content::{Designs, FrontObjectives};
 use deaflow_field::CHARGE_UNIT;
+use deaflow_scene::Scene;
 
 /// A front of designs.
 #[derive(Clone, Debug, Serialize)]
@@ -49,9 +50,9 @@ struct OneObjective {
     unit: String,
     /// Its value at the reference of the hypervolume.
     reference: f64,
-    /// Whether it is area or charge.
+    /// In words.
     #[serde(skip)]
-    is_cost: bool,
+    description: String,
 }
 
 /// A point of a front.
@@ -91,7 +92,7 @@ impl FoundFront {
         let points = names.into_iter().zip(front.gain).zip(areas).enumerate();
         let charges = front.charge.as_ref();
         let outcomes = front.limit.into_iter().zip(front.outcome.0);
-        let (objectives, values) = objectives(front.objectives);
+        let (objectives, values) = objectives(front.objectives, &source.of(view.scene().read())?);
         let wide = objectives.len();
         Ok(Some(Self {
             stage: source.stage.stage.clone(),
@@ -133,22 +134,17 @@ impl FoundFront {
                 format!("{}: the objectives agree: one point, {}", self.stage, self.point(only))
             }
             ([first, .., last], others) => format!(
-                "{}: {} of {} points, {} to {}, as predicted by the search, not verified",
+                "{}: {} of {}, {} to {}, as predicted by the search, not verified",
                 self.stage,
                 self.points.len(),
-                self.points.len() + others,
+                counted(self.points.len() + others, "point", "points"),
                 self.point(first),
                 self.point(last)
             ),
             (points, others) => {
                 let listed: Vec<String> = points.iter().map(|point| self.point(point)).collect();
-                let all = points.len() + others;
-                format!(
-                    "{}: {} of {all} points, {}",
-                    self.stage,
-                    points.len(),
-                    listed.join(", ")
-                )
+                let all = counted(points.len() + others, "point", "points");
+                format!("{}: {} of {all}, {}", self.stage, points.len(), listed.join(", "))
             }
         };
         match none {
@@ -158,19 +154,13 @@ impl FoundFront {
     }
 
     fn point(&self, point: &FoundPoint) -> String {
-        let charge = point.charge_nc.map(|charge| format!(", charge {}", in_nano(charge)));
-        let area = percent(point.area, 1);
         let values = self.objectives.iter().zip(&point.values).skip(1);
-        let others = values.filter(|(objective, _)| !objective.is_cost);
-        let others: String = others
-            .map(|(objective, value)| format!(" and {} {}", mm(*value), objective.unit))
+        let others = values.filter(|(objective, _)| !is_cost(&objective.unit));
+        let others: Vec<String> = others
+            .map(|(objective, value)| format!("{} {}", mm(*value), objective.unit))
             .collect();
-        format!(
-            "{} {}{others} at area {area}{}",
-            mm(point.gain),
-            self.unit,
-            charge.unwrap_or_default()
-        )
+        let first = format!("{} {}", mm(point.gain), self.unit);
+        point_words(&first, &others, point.area, point.charge_nc)
     }
 
     /// The reference of the hypervolume.
@@ -182,7 +172,7 @@ impl FoundFront {
                 let each = self
                     .objectives
                     .iter()
-                    .map(|one| match (one.is_cost, one.unit.as_str()) {
+                    .map(|one| match (is_cost(&one.unit), one.unit.as_str()) {
                         (true, CHARGE_UNIT) => in_nano(one.reference),
                         (true, _) => format!("area {}", percent(one.reference, 1)),
                         (false, unit) => format!("{} {unit}", mm(one.reference)),
@@ -217,9 +207,9 @@ impl FoundFront {
         }
         for (at, one) in self.objectives.iter().enumerate().skip(1) {
             let number = if at == 1 { "second" } else { "third" };
-            axes.push(match one.is_cost {
+            axes.push(match is_cost(&one.unit) {
                 true => cost(one.unit == CHARGE_UNIT),
-                false => axis(&format!("{number} objective"), &one.unit, &one.objective),
+                false => axis(&format!("{number} objective"), &one.unit, &one.description),
             });
         }
         axes
@@ -227,13 +217,13 @@ impl FoundFront {
 }
 
 /// The objectives of the genetic algorithm, and the values of all designs.
-fn objectives(stored: Option<FrontObjectives>) -> (Vec<OneObjective>, Vec<f64>) {
+fn objectives(stored: Option<FrontObjectives>, scene: &Scene) -> (Vec<OneObjective>, Vec<f64>) {
     let Some(stored) = stored else {
         return (Vec::new(), Vec::new());
     };
     let texts = stored.objective.0.into_iter().zip(stored.unit).zip(stored.reference);
     let one = |((objective, unit), reference): ((String, String), f64)| OneObjective {
-        is_cost: ["1", CHARGE_UNIT].contains(&unit.as_str()),
+        description: objective_words(&objective, &unit, scene),
         objective,
         unit,
         reference,
@@ -245,9 +235,9 @@ impl fmt::Display for FoundFront {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{}: front of {} points in {} simulations, hypervolume {} {} (reference: {})",
+            "{}: front of {} in {} simulations, hypervolume {} {} (reference: {})",
             self.stage,
-            self.points.len(),
+            counted(self.points.len(), "point", "points"),
             self.simulations,
             mm(self.hypervolume),
             self.hypervolume_unit,
@@ -261,11 +251,6 @@ impl fmt::Display for FoundFront {
         }
         Ok(())
     }
-}
-
-/// Writes a charge.
-fn in_nano(charge: f64) -> String {
-    format!("{charge:.0} {CHARGE_UNIT}")
 }
 
 /// Draws the front of a stage; `None` if it has a single objective.
@@ -314,4 +299,48 @@ fn figure(source: &ArtifactReader<'_>) -> Result<Option<FrontFigure>, ReportErro
         volume_unit,
         history: front.simulations.into_iter().zip(front.hypervolume).collect(),
     }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn front(points: usize) -> FoundFront {
+        let point = |at: usize| FoundPoint {
+            design: format!("front-{}", at + 1),
+            gain: 1.0,
+            area: 0.1,
+            charge_nc: None,
+            values: Vec::new(),
+        };
+        FoundFront {
+            stage: "front".to_owned(),
+            points: (0..points).map(point).collect(),
+            others: Vec::new(),
+            hypervolume: 0.5,
+            reference: Some(0.2),
+            simulations: 9,
+            unit: "mm",
+            is_charge: false,
+            objectives: Vec::new(),
+            hypervolume_unit: "mm".to_owned(),
+        }
+    }
+
+    #[test]
+    fn a_front_of_one_point_is_singular() {
+        let text = |points: usize| front(points).to_string();
+        assert!(
+            text(1).starts_with("front: front of 1 point in 9 simulations"),
+            "{}",
+            text(1)
+        );
+        assert!(
+            text(2).starts_with("front: front of 2 points in 9 simulations"),
+            "{}",
+            text(2)
+        );
+        assert_eq!(front(1).headline().text, "front: 1 of 1 point, 1.000 mm at area 10.0 %");
+        assert!(front(2).headline().text.starts_with("front: 2 of 2 points, 1.000 mm"));
+    }
 }

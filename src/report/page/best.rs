@@ -3,14 +3,79 @@
 use maud::{Markup, html};
 
 use super::cards::{FOLDER, deformed, pattern, rest, simulated};
-use crate::designs::{Design, Role};
+use crate::designs::{Design, OtherObjective, Role, point_words};
 use crate::drawing::{DeformedMembrane, Sheet, exaggeration};
 use crate::format::{change, mm, percents, three};
 use crate::summary::best as best_of;
 use deaflow_base::no_break_units;
+use deaflow_field::CHARGE_UNIT;
+
+/// What a report begins with.
+pub(crate) enum Best<'d> {
+    /// The best design of the first target.
+    Design(&'d Design),
+    /// The points of a front in their order, at least two. None of them is better than another one.
+    Front(Vec<&'d Design>),
+}
+
+impl<'d> Best<'d> {
+    /// Finds it among the designs of a pipeline; `None` without a design of a search.
+    pub fn of(designs: &'d [Design]) -> Option<Self> {
+        let design = best_design(designs)?;
+        let Some(place) = &design.front else {
+            return Some(Self::Design(design));
+        };
+        let is_point = |other: &&Design| {
+            let same = other.front.as_ref().is_some_and(|own| own.stage == place.stage);
+            same && other.scene == design.scene
+        };
+        let points: Vec<&Design> = designs.iter().filter(is_point).collect();
+        Some(match points.len() {
+            0 | 1 => Self::Design(design),
+            _ => Self::Front(points),
+        })
+    }
+
+    /// The main result.
+    pub fn sentence(&self) -> String {
+        match self {
+            Self::Design(design) => sentence(design),
+            Self::Front(points) => front_sentence(points),
+        }
+    }
+
+    /// What it is for, what it gains, and how sure it is. `all` are the designs of the pipeline.
+    pub fn facts(&self, all: &[Design]) -> Vec<String> {
+        match self {
+            Self::Design(design) => {
+                let has_others = all.iter().any(|other| !other.has_same_target(design));
+                facts(design, has_others.then_some(all))
+            }
+            Self::Front(points) => front_facts(points, all),
+        }
+    }
+
+    /// Draws the electrode of a design and the deformed membrane side by side, or the electrodes of both ends of a
+    /// front; and describes them.
+    pub fn picture(&self) -> (Sheet, String) {
+        match self {
+            Self::Design(design) => {
+                let scale = exaggeration(&design.membranes());
+                let moved = deformed(design, design.states.first(), scale);
+                let description = format!("Electrode of {} and the deformed membrane", design.name);
+                (beside(design, &[pattern(design), moved]), description)
+            }
+            Self::Front(points) => {
+                let [first, last] = ends(points);
+                let description = format!("Electrodes of {} and {}, the ends of a front", first.name, last.name);
+                (beside(first, &[pattern(first), pattern(last)]), description)
+            }
+        }
+    }
+}
 
 /// Returns the best design of a pipeline: of its first target. `None` without a design of a search.
-pub(crate) fn best_design(designs: &[Design]) -> Option<&Design> {
+fn best_design(designs: &[Design]) -> Option<&Design> {
     let first = first_found(designs)?;
     let value = |design: &Design| design.simulated_mm.or(design.predicted_mm).unwrap_or(f64::NEG_INFINITY);
     let found = designs
@@ -29,63 +94,149 @@ fn first_found(designs: &[Design]) -> Option<&Design> {
     first.or_else(|| designs.iter().find(|design| design.role.is_found()))
 }
 
-/// Whether there are designs of other targets.
-pub(crate) fn has_others(designs: &[Design], best: &Design) -> bool {
-    designs.iter().any(|design| !design.has_same_target(best))
-}
-
-/// Draws the best design of a pipeline; `None` without a design of a search.
+/// Draws the best design of a pipeline, or the ends of its front; `None` without a design of a search.
 pub fn best(designs: &[Design]) -> Option<Markup> {
-    let design = best_design(designs)?;
-    let several = has_others(designs, design);
-    let membranes: Vec<DeformedMembrane> = design.membranes();
-    let scale = exaggeration(&membranes);
-    let times = match scale {
-        1.0 => "true to scale".to_owned(),
-        scale => format!("displacements drawn {scale} times as large"),
+    let best = Best::of(designs)?;
+    let label = match best {
+        Best::Design(_) => "Best design",
+        Best::Front(_) => "Front",
     };
     Some(html! {
-        section.best aria-label="Best design" {
-            div.pair {
-                figure { (pattern(design)) figcaption { "Electrode" } }
-                @match design.states.first() {
-                    Some(state) => {
-                        figure { (deformed(design, Some(state), scale)) figcaption { (state.name) ", " (times) } }
+        section.best aria-label=(label) {
+            @match &best {
+                Best::Design(design) => { (pair(design)) }
+                Best::Front(points) => {
+                    div.pair {
+                        @for end in ends(points) {
+                            figure { (pattern(end)) figcaption { (end.target) ": " (no_break_units(&point(end))) } }
+                        }
                     }
-                    None => { figure { (deformed(design, None, scale)) figcaption { "With voltage, " (times) } } }
                 }
             }
             div {
-                p.value { (no_break_units(&sentence(design))) }
-                ul { @for line in facts(design, several.then_some(designs)) { li { (no_break_units(&line)) } } }
-                p.files {
-                    @if let Some(mask) = design.mask_file() { a href={ (FOLDER) (mask) } { "mask (DXF)" } ", " }
-                    a href={ (FOLDER) (design.pattern_file()) } { "pattern (CSV)" }
+                p.value { (no_break_units(&best.sentence())) }
+                ul { @for line in best.facts(designs) { li { (no_break_units(&line)) } } }
+                @if let Best::Design(design) = &best {
+                    p.files {
+                        @if let Some(mask) = design.mask_file() { a href={ (FOLDER) (mask) } { "mask (DXF)" } ", " }
+                        a href={ (FOLDER) (design.pattern_file()) } { "pattern (CSV)" }
+                    }
                 }
             }
         }
     })
 }
 
-/// Draws the electrode of a design and the deformed membrane side by side, and describes them.
-pub(crate) fn picture(design: &Design) -> (Sheet, String) {
-    let scale = exaggeration(&design.membranes());
+/// Draws the electrode of a design, and the deformed membrane.
+fn pair(design: &Design) -> Markup {
+    let membranes: Vec<DeformedMembrane> = design.membranes();
+    let scale = exaggeration(&membranes);
+    let times = match scale {
+        1.0 => "true to scale".to_owned(),
+        scale => format!("displacements drawn {scale} times as large"),
+    };
+    html! {
+        div.pair {
+            figure { (pattern(design)) figcaption { "Electrode" } }
+            @match design.states.first() {
+                Some(state) => {
+                    figure { (deformed(design, Some(state), scale)) figcaption { (state.name) ", " (times) } }
+                }
+                None => { figure { (deformed(design, None, scale)) figcaption { "With voltage, " (times) } } }
+            }
+        }
+    }
+}
+
+/// Draws two membranes of the sides of a design side by side.
+fn beside(design: &Design, [left, right]: &[Markup; 2]) -> Sheet {
     let [_, _, width, height] = design.background.view();
     // As in `drawing`: the longer side has 240 pixels.
     let [width, height] = [width, height].map(|side| (240.0 * side / width.max(height)).round());
     let beside = width + BETWEEN;
     let markup = html! {
         (rest())
-        (pattern(design))
-        g transform={ "translate(" (beside) " 0)" } { (deformed(design, design.states.first(), scale)) }
+        (left)
+        g transform={ "translate(" (beside) " 0)" } { (right) }
     };
-    let description = format!("Electrode of {} and the deformed membrane", design.name);
-    let size = [beside + width, height];
-    (Sheet { size, markup }, description)
+    Sheet {
+        size: [beside + width, height],
+        markup,
+    }
 }
 
 /// Pixels between two drawings of a picture.
 const BETWEEN: f64 = 12.0;
+
+/// The first and the last point of a front.
+fn ends<'d>(points: &[&'d Design]) -> [&'d Design; 2] {
+    [points[0], points[points.len() - 1]]
+}
+
+/// Describes a point of a front: its first objective as simulated or else as predicted, and the others.
+fn point(design: &Design) -> String {
+    let first = match (design.simulated_mm.or(design.predicted_mm), &design.outcome) {
+        (_, Some(outcome)) if design.simulated_mm.is_none() => format!("no stable solution ({outcome})"),
+        (Some(value), _) => format!("{} {}", mm(value), design.objective.unit()),
+        (None, _) => "no value".to_owned(),
+    };
+    let mut others = design.front.iter().flat_map(|place| &place.others);
+    let motions = others.clone().filter(|other| !other.is_cost());
+    let motions: Vec<String> = motions.map(OtherObjective::value_text).collect();
+    let charge = others.find(|other| other.unit == CHARGE_UNIT);
+    point_words(&first, &motions, design.area, charge.map(|other| other.value))
+}
+
+/// Says how many points a front has, and what its ends are.
+fn front_sentence(points: &[&Design]) -> String {
+    let [first, last] = ends(points);
+    let predicted = match points.iter().all(|point| point.outcome.is_some()) {
+        true => "",
+        false => ", predicted",
+    };
+    format!(
+        "front of {} points{}{predicted}: {} to {}",
+        points.len(),
+        at_voltage(first),
+        point(first),
+        point(last)
+    )
+}
+
+/// The objectives of a front, and how sure its points are.
+fn front_facts(points: &[&Design], all: &[Design]) -> Vec<String> {
+    let [first, _] = ends(points);
+    let own = format!("{} of {}", first.objective.quantity(), first.objective.description());
+    let others = first.front.iter().flat_map(|place| &place.others);
+    let words: Vec<String> = std::iter::once(own)
+        .chain(others.clone().map(|other| other.description.clone()))
+        .collect();
+    let stage = first.front.as_ref().map_or("", |place| place.stage.as_str());
+    let is_of_front = |design: &Design| points.iter().any(|point| point.has_same_target(design));
+    let has_others = !all.iter().all(is_of_front);
+    let mut facts = vec![match has_others {
+        true => format!("{stage}: objectives: {}", words.join("; ")),
+        false => format!("objectives: {}", words.join("; ")),
+    }];
+    facts.push("as the search predicts, no point is better than another one in all objectives".to_owned());
+    if points.iter().any(|point| point.outcome.is_none()) {
+        facts.push("not verified by finite elements on two meshes".to_owned());
+    } else if others.clone().any(|other| !other.is_cost()) {
+        facts.push("the objectives after the first are as predicted by the search".to_owned());
+    }
+    let unmet = points
+        .iter()
+        .filter(|point| !matches!(point.status.as_str(), "" | "met"));
+    match unmet.count() {
+        0 => {}
+        1 => facts.push("1 point violates constraints".to_owned()),
+        n => facts.push(format!("{n} points violate constraints")),
+    }
+    if has_others {
+        facts.push("the designs of the other targets are below".to_owned());
+    }
+    facts
+}
 
 /// Says how far the design moves, and at which voltage.
 pub(crate) fn sentence(design: &Design) -> String {
@@ -96,12 +247,16 @@ pub(crate) fn sentence(design: &Design) -> String {
         (None, Some(value), None) => format!("{} {unit} predicted", mm(value)),
         (None, None, None) => "no value".to_owned(),
     };
+    format!("{value}{}", at_voltage(design))
+}
+
+/// The voltage of a design, if it has a single one.
+fn at_voltage(design: &Design) -> String {
     let volts = design.scene.drive.voltages.in_volts();
-    let at = match (&volts[..], design.states.is_empty(), &design.scene.drive.charge) {
+    match (&volts[..], design.states.is_empty(), &design.scene.drive.charge) {
         ([one], true, None) => format!(" at {} kV", one / 1000.0),
         _ => String::new(),
-    };
-    format!("{value}{at}")
+    }
 }
 
 /// What the design is for, what it gains, and how sure it is. `all` are the designs of all targets, if there are

@@ -181,6 +181,14 @@ fn rows(design: &Design) -> Markup {
         };
         (name, interval.ends(), String::new())
     });
+    // The area has its own row.
+    let others = design
+        .front
+        .iter()
+        .flat_map(|place| &place.others)
+        .zip(["second objective", "third objective"]);
+    let others = others.filter(|(other, _)| other.description != "area");
+    let others = others.map(|(other, name)| (name, other.value_text(), "predicted".to_owned()));
     let rows = [
         predicted,
         interval,
@@ -197,7 +205,7 @@ fn rows(design: &Design) -> Markup {
         other("intuitive, equal area", compared.intuitive_equal_area, found),
     ];
     html! {
-        @for (name, value, more) in rows.into_iter().flatten() {
+        @for (name, value, more) in rows.into_iter().flatten().chain(others) {
             dt { (name) } dd { (no_break_units(&value)) } dd { (no_break_units(&more)) }
         }
     }

@@ -3,7 +3,7 @@
 use maud::html;
 
 use super::cards::{FOLDER, cards, shared};
-use crate::designs::{Design, Role, is_swept, role_title};
+use crate::designs::{Design, OtherObjective, Role, is_swept, role_title};
 use crate::drawing::{Axis, Chart, Colour, DeformedMembrane, LEGEND, Mark, Series, exaggeration};
 use crate::format::{capitalised, change, mm, mm_measured, percents, three};
 use crate::html::{Column, Page};
@@ -100,10 +100,17 @@ pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
                 "" | "{}" => String::new(),
                 some => format!(", constraints {some}"),
             };
+            let others = first
+                .front
+                .iter()
+                .flat_map(|place| &place.others)
+                .zip(["second", "third"]);
+            let others = others.map(|(other, number)| format!("; {number} objective: {}", other.description));
             page.note(&format!(
-                "Objective: {} of {}, {area}{constraints}",
+                "Objective: {} of {}, {area}{constraints}{}",
                 first.objective.quantity(),
-                first.objective.description()
+                first.objective.description(),
+                others.collect::<String>()
             ));
             page.add(cards(&target, scale));
         }
@@ -143,7 +150,7 @@ fn without_empty(columns: &[(&'static str, Column)], rows: &mut [Vec<String>]) -
 }
 
 /// Columns of the table; empty ones are left out.
-const COLUMNS: [(&str, Column); 15] = [
+const COLUMNS: [(&str, Column); 17] = [
     ("target", Column::Key),
     ("sweep", Column::Key),
     ("design", Column::Key),
@@ -158,6 +165,8 @@ const COLUMNS: [(&str, Column); 15] = [
     ("gain, own area", Column::Number),
     ("gain, equal area", Column::Number),
     ("from target, mm", Column::Number),
+    ("second objective", Column::Number),
+    ("third objective", Column::Number),
     ("status", Column::Key),
 ];
 
@@ -173,6 +182,15 @@ fn row(design: &Design, is_swept: bool) -> Vec<String> {
         (Some(value), error, _) => design.with_unit(mm_measured(value, error)),
         (None, _, Some(outcome)) => outcome.to_string(),
         (None, _, None) => "not verified".to_owned(),
+    };
+    // The area has its own column.
+    let other = |at: usize| {
+        let others = design.front.as_ref().and_then(|place| place.others.get(at));
+        text(
+            others
+                .filter(|other| other.description != "area")
+                .map(OtherObjective::value_text),
+        )
     };
     let met = match design.status.as_str() {
         "met" | "" => design.status.clone(),
@@ -202,6 +220,8 @@ fn row(design: &Design, is_swept: bool) -> Vec<String> {
         gain(compared.intuitive_own),
         gain(compared.intuitive_equal_area),
         text(design.distance_mm.map(mm)),
+        other(0),
+        other(1),
         met,
     ]
 }

@@ -16,6 +16,9 @@ const ROLES = { ga: "genetic algorithm", optimum: "gradient search", intuitive: 
 /** The unit of forces of sides; all other values are in mm. */
 const FORCE = "mN";
 
+/** The unit of areas. */
+const SHARE = "1";
+
 /** Below a micrometre, the ratio of displacements means nothing. */
 const LEAST_MM = 1e-3;
 
@@ -45,6 +48,7 @@ export async function designs(place, found) {
           h("div", {}, h("b", {}, ROLES[rows.role[at]] ?? rows.role[at]), rows.member?.[at] ? ` ${rows.member[at] + 1}` : ""),
           h("div", {}, values[at] === null ? outcome ?? "no value" : `${errors[at] === null ? number(values[at]) : measured(values[at], errors[at])} ${unit}`, shareOf(rows, values, at)),
           h("div", { class: "soft" }, [areaWords(found, rows.area[at]), rows.case[at]].filter(Boolean).join(", ")),
+          otherObjectives(rows, at).map((words) => h("div", { class: "soft" }, words)),
         ),
         h("div", { class: "tools tight", role: "group", "aria-label": `Mask of ${ROLES[rows.role[at]] ?? rows.role[at]}` }, FORMATS.map((format) => h("button", { type: "button", class: "slim", "data-mask": format, onclick: () => void keep(format, at) }, format))),
       );
@@ -53,6 +57,14 @@ export async function designs(place, found) {
   };
   const what = unit === FORCE ? `Changes of the force of sides on the membrane along the target direction, ${found.kind === "verify" ? "simulated" : "as predicted by the search; a verify stage simulates them"}.` : found.kind === "verify" ? "Simulated displacements along the target direction." : "Displacements along the target direction as predicted by the search; a verify stage simulates them.";
   replace(place, h("p", { class: "soft" }, what, " The buttons save masks at the size of the prestretched membrane."), errorBox, [...new Set(rows.name)].map(target));
+}
+
+/** The objectives of a point of a front after the first; all designs have their area. @param {Record<string, any[]>} rows @param {number} at @returns {string[]} */
+function otherObjectives(rows, at) {
+  return ["second objective", "third objective"].flatMap((name, k) => {
+    const [value, unit] = ["values", "unit"].map((part) => rows[`front/objectives/${part}.${k + 1}`]?.[at]);
+    return value === undefined || unit === SHARE ? [] : [`${name} ${number(value)} ${unit}`];
+  });
 }
 
 /**

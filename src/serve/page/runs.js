@@ -38,8 +38,8 @@ export async function runView(view, id) {
     const lines = facts.length ? facts : run.headlines.slice(sentence ? 1 : 0);
     replace(
       best,
-      picture ? image(picture, `Best design of run ${run.id}`) : null,
-      h("div", {}, sentence ? h("p", { class: "headline" }, sentence) : h("p", { class: "soft" }, "no results"), lines.length ? h("ul", { id: "headlines" }, lines.map((/** @type {string} */ line) => h("li", {}, line))) : null),
+      picture ? image(picture, `Result of run ${run.id}`) : null,
+      h("div", {}, sentence ? h("p", { class: "headline" }, sentence) : h("p", { class: "soft" }, "no results"), lines.length ? h("ul", { id: "headlines" }, lines.map((/** @type {string} */ line) => h("li", {}, prose(line)))) : null),
     );
   });
 }
