@@ -142,6 +142,11 @@ export function short(digest) {
   return h("a", { class: "mono", href: `#/artifacts/${digest}`, title: digest }, digest.slice(0, 12));
 }
 
+/** The `--set` values of a run on one line. @param {Record<string, any>} set */
+export function changedValues(set) {
+  return Object.entries(set).map(([path, value]) => `${near(path)}=${value}`).join(", ") || "the values of the file";
+}
+
 /** The `--set` values of a run. @param {Record<string, string>} set */
 export function changes(set) {
   return h("span", {}, Object.entries(set).map(([path, value]) => h("div", { class: "mono" }, `${near(path)}=${value}`)));
@@ -173,10 +178,17 @@ export function table(what, columns, rows, stacked = false) {
   );
 }
 
+/** A text whose parts between backticks are code. @param {string} text @returns {Child[]} */
+export function prose(text) {
+  const parts = text.split("`");
+  // A single backtick was written by a user.
+  return parts.length % 2 ? parts.map((part, at) => (at % 2 ? h("code", {}, part) : part)) : [text];
+}
+
 /** @param {any} error */
 export function problem(error) {
   const place = error.line ? ` (${[error.file && near(error.file), `line ${error.line}`, `column ${error.column}`].filter(Boolean).join(", ")})` : "";
-  return h("div", { class: "box", role: "alert" }, h("p", {}, h("b", {}, `${error.message}${place}`)), error.help ? h("p", {}, error.help) : null);
+  return h("div", { class: "box", role: "alert" }, h("p", {}, h("b", {}, prose(`${error.message}${place}`))), error.help ? h("p", {}, prose(error.help)) : null);
 }
 
 /** Runs an action; its error is shown in an element, unless the request was aborted. @param {Element} place @param {() => any} act */

@@ -1,7 +1,7 @@
 // Pipelines: the state of their stages, and what would be built after a change.
 
 import { json } from "./server.js";
-import { attempt, bytes, cell, h, near, problem, replace, replaceUrl, seconds, settled, short, table, titled } from "./elements.js";
+import { attempt, bytes, cell, h, near, problem, prose, replace, replaceUrl, seconds, settled, short, table, titled, changedValues } from "./elements.js";
 import { drawing as dag, list as stageList, progress, state } from "./dag.js";
 import { others, underWay } from "./live.js";
 import { withoutUnit } from "./quantity.js";
@@ -63,7 +63,7 @@ export async function pipelineView(view, id, mayRun, query) {
     estimate.textContent = stale.length ? `${stale.length} of ${plan.stages.length} stages to build: ${price}${rest}` : `up to date (${plan.stages.length} stages)`;
     estimate.dataset.stale = stale.map((/** @type {any} */ stage) => stage.name).join(" ");
     planned = plan;
-    replace(warnings, (plan.warnings ?? []).map((/** @type {string} */ text) => h("p", { class: "box" }, h("b", {}, "Warning: "), text)));
+    replace(warnings, (plan.warnings ?? []).map((/** @type {string} */ text) => h("p", { class: "box" }, h("b", {}, "Warning: "), prose(text))));
     showStages();
   };
 

@@ -1,7 +1,7 @@
 // Past runs: one of them, and the comparison of several.
 
 import { json } from "./server.js";
-import { attempt, cell, h, near, number, pageOf, replace, seconds, short, table, titled, when } from "./elements.js";
+import { attempt, cell, h, near, number, pageOf, prose, replace, seconds, short, table, titled, changedValues, when } from "./elements.js";
 import { image } from "./pictures.js";
 
 /** The order of results. */
@@ -28,7 +28,7 @@ export async function runView(view, id) {
     h("p", {}, `${run.pipeline}, ${when(run.created)} UTC, on ${run.host}, took ${seconds(run.seconds)}`),
     h("p", { class: "mono soft" }, near(run.path)),
     best,
-    (run.warnings ?? []).map((/** @type {string} */ text) => h("p", { class: "box" }, h("b", {}, "Warning: "), text)),
+    (run.warnings ?? []).map((/** @type {string} */ text) => h("p", { class: "box" }, h("b", {}, "Warning: "), prose(text))),
     Object.keys(run.overrides).length ? [h("h2", {}, "Changed values"), table("Overrides", ["path", "value"], pairs(run.overrides))] : null,
     h("h2", {}, "Stages"),
     h("div", { class: "folded", id: "run-stages" }, byStage(run).map((one) => stageDetails(run, one))),

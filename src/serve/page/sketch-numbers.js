@@ -1,6 +1,6 @@
 // The numbers of the sketchpad: results, their errors, and the command that prints them.
 
-import { copyable, copying, errorDigits, h, measured, number, rangeEnds, replace, roundedBy, seconds } from "./elements.js";
+import { copyable, copying, errorDigits, h, measured, number, prose, rangeEnds, replace, roundedBy, seconds } from "./elements.js";
 
 /** Explanations of outcomes. @type {Record<string, string>} */
 const OUTCOMES = {
@@ -102,7 +102,7 @@ export class Numbers {
     const known = quick ? null : found.error;
     replace(
       this.results,
-      entry("outcome", "outcome", found.outcome, "", null, OUTCOMES[found.outcome] ?? null),
+      entry("outcome", "outcome", found.outcome, "", null, OUTCOMES[found.outcome]?.replaceAll("`", "") ?? null),
       entry("max-displacement", "largest displacement", roundedBy(found.max_displacement, known), "mm", found.max_displacement),
       entry("value", "value at the point", roundedBy(Math.abs(found.value ?? NaN) < ROUNDING ? 0 : found.value, known), "mm", found.value),
       against ? entry("wanted", `target ${number(pad.target, 6)} mm`, against.words, "", found.value - pad.target) : null,
@@ -136,7 +136,7 @@ export class Numbers {
       "div",
       { class: "box", role: "alert" },
       h("b", {}, `No stable state at ${number(found.voltage, 6)} V: ${found.outcome}`),
-      OUTCOMES[found.outcome] ? h("p", {}, OUTCOMES[found.outcome], ".") : null,
+      OUTCOMES[found.outcome] ? h("p", {}, prose(OUTCOMES[found.outcome]), ".") : null,
       critical ? h("p", {}, `Critical voltage: ${critical} (two finer meshes).`) : null,
       h("p", {}, own, critical ? "; a coarse mesh is too stiff." : "."),
     );

@@ -1,7 +1,7 @@
 // Panels of the sketchpad: comparison of methods and meshes, and effects.
 
 import { json } from "./server.js";
-import { errorDigits, h, number, replace, roundedBy, table } from "./elements.js";
+import { errorDigits, h, number, prose, replace, roundedBy, table } from "./elements.js";
 
 /** Methods that are compared: method, elements per cell, order. */
 const COMPARED = [["linear", 1, 1], ["chord:2", 1, 1], ["newton", 1, 1], ["newton", 2, 1], ["newton", 1, 2], ["newton", 2, 2]];
@@ -94,7 +94,7 @@ export class Effects extends DrawingTable {
       { class: "panel wide" },
       h("h2", {}, "Effects"),
       pad.scene.auto ? h("p", { class: "soft small" }, "The scene selects the effects by screening; a choice here replaces them.") : null,
-      h("div", { class: "boxes" }, boxes.map((one) => h("label", { class: "toggle" }, one.box, h("span", {}, one.name.replaceAll("_", " "), one.refused ? h("span", { class: "soft small", "data-refused": one.name }, `: ${one.refused}`) : null)))),
+      h("div", { class: "boxes" }, boxes.map((one) => h("label", { class: "toggle" }, one.box, h("span", {}, one.name.replaceAll("_", " "), one.refused ? h("span", { class: "soft small", "data-refused": one.name }, ": ", prose(one.refused)) : null)))),
       h("button", { type: "button", onclick: () => this.run(), id: "screen" }, "Check effects"),
       this.old,
       this.box,
@@ -112,8 +112,8 @@ export class Effects extends DrawingTable {
         number(row.number, 3),
         number(row.threshold, 3),
         h("span", { class: row.called_for === "yes" ? "warning" : null }, row.called_for),
-        row.status,
-        row.change,
+        h("span", {}, prose(row.status)),
+        h("span", {}, prose(row.change)),
       ]);
       this.fill(table("Screening", ["effect", { title: "number", number: true }, { title: "threshold", number: true }, "significant", "now", "influence"], rows));
     });

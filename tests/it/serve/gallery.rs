@@ -76,6 +76,17 @@ fn the_sketchpad_opens_with_a_pattern_that_moves_and_has_a_gallery() {
     tab.until("document.querySelector('#volts').value === '5250 V'");
     assert_eq!(tab.value("document.querySelectorAll('[data-gallery]').length"), 8);
     photographed(&mut tab, "gallery");
+    // Why an effect is not possible: keys are code.
+    let refused = tab.value("[...document.querySelectorAll('[data-refused]')].map((one) => [one.textContent, one.querySelectorAll('code').length])");
+    let refused = refused.as_array().unwrap();
+    assert!(
+        !refused.is_empty() && refused.iter().any(|one| one[1].as_u64().unwrap() > 0),
+        "{refused:?}"
+    );
+    assert!(
+        refused.iter().all(|one| !one[0].as_str().unwrap().contains('`')),
+        "{refused:?}"
+    );
     // It plays: the voltage, the membrane and the dot move.
     tab.value("window.seen = new Set(); window.watch = setInterval(() => window.seen.add(`${document.querySelector('#volts').value} ${document.querySelector('#sweep .dot').getAttribute('cx')}`), 30)");
     tab.click("#play");
