@@ -70,7 +70,7 @@ pub fn pipeline(state: &ServerState, request: &Request, number: &str) -> Result<
 }
 
 /// Returns the state of a pipeline in short: its stages, those that have to run with the estimated time, and its last
-/// run. A pipeline with an error has that as `problem`.
+/// runs. A pipeline with an error has that as `problem`.
 ///
 /// # Errors
 /// If there is no pipeline with that number, or the store cannot be read.
@@ -89,28 +89,21 @@ pub fn summary(state: &ServerState, request: &Request, number: &str) -> Result<R
         .map(|stage| &stage["name"])
         .collect();
     let store = state.store()?;
-    let run = store.map(|store| last_run(&store, &pipeline)).transpose()?.flatten();
-    let run = run.map(|run| {
-        json!({
-            "id": run.id,
-            "created": run.created,
-            "seconds": run.seconds,
-            "failed": run.failures,
-            "stopped": run.stopped,
-        })
-    });
+    let last = store.map(|store| LastRuns::of(&store, &pipeline)).transpose()?;
+    let last = last.unwrap_or_default();
     Ok(json!({
         "problem": null,
         "stages": stages.len(),
         "stale": stale,
         "price": plan["price"],
-        "run": run,
+        "run": last.own_document(),
+        "changed": last.changed_document(),
     })
     .into())
 }
 
-/// Returns the results of the last run of a pipeline, `results` with their `units`, and the computing time of each
-/// stage that is up to date, `seconds`.
+/// Returns the results of the last run of a pipeline with its values, `results` with their `units`; its last runs as in
+/// its summary; and the computing time of each stage that is up to date, `seconds`.
 fn last_results(state: &ServerState, pipeline: &Pipeline, plan: &Value) -> Result<Value, ApiError> {
     let Some(store) = state.store()? else {
         return Ok(Value::Null);
@@ -131,23 +124,60 @@ fn last_results(state: &ServerState, pipeline: &Pipeline, plan: &Value) -> Resul
             seconds.insert(name, own);
         }
     }
-    let run = last_run(&store, pipeline)?;
+    let last = LastRuns::of(&store, pipeline)?;
     Ok(json!({
-        "results": run.as_ref().map(|run| &run.results),
-        "units": run.as_ref().map(units),
+        "results": last.own.as_ref().map(|run| &run.results),
+        "units": last.own.as_ref().map(units),
         "seconds": seconds,
+        "run": last.own_document(),
+        "changed": last.changed_document(),
     }))
 }
 
-/// Returns the last run of a pipeline.
-fn last_run(store: &Store, pipeline: &Pipeline) -> Result<Option<Run>, ApiError> {
-    for run in store.runs_of(store.runs()?.take(MAX_RUNS), &pipeline.file(), &pipeline.name) {
-        let run = run?;
-        if run.command == Command::Run {
-            return Ok(Some(run));
+/// The last runs of a pipeline.
+#[derive(Default)]
+struct LastRuns {
+    /// The last run with the values of the pipeline.
+    own: Option<Run>,
+    /// The last run with other values, if it is later.
+    changed: Option<Run>,
+}
+
+impl LastRuns {
+    fn of(store: &Store, pipeline: &Pipeline) -> Result<Self, ApiError> {
+        let mut found = Self::default();
+        for run in store.runs_of(store.runs()?.take(MAX_RUNS), &pipeline.file(), &pipeline.name) {
+            let run = run?;
+            match run.command {
+                Command::Run if run.overrides == pipeline.overrides => {
+                    found.own = Some(run);
+                    break;
+                }
+                Command::Run if found.changed.is_none() => found.changed = Some(run),
+                // An audit builds one stage, and a sweep other stages.
+                Command::Run | Command::Audit | Command::Sweep => {}
+            }
         }
+        Ok(found)
     }
-    Ok(None)
+
+    fn own_document(&self) -> Option<Value> {
+        let document = |run: &Run| {
+            json!({
+                "id": run.id,
+                "created": run.created,
+                "seconds": run.seconds,
+                "failed": run.failures,
+                "stopped": run.stopped,
+            })
+        };
+        self.own.as_ref().map(document)
+    }
+
+    fn changed_document(&self) -> Option<Value> {
+        let document = |run: &Run| json!({ "id": run.id, "created": run.created, "overrides": run.overrides });
+        self.changed.as_ref().map(document)
+    }
 }
 
 /// Runs that are searched for the last one of a pipeline.

@@ -1,9 +1,10 @@
 // The first view: a card for each pipeline, with its state, its last run, and the best design.
 
 import { json } from "./server.js";
-import { h, near, problem, replace, seconds, when } from "./elements.js";
+import { h, near, problem, replace, seconds } from "./elements.js";
 import { standing } from "./live.js";
 import { image } from "./pictures.js";
+import { lastRuns } from "./runs.js";
 
 /** @param {HTMLElement} view @param {any} start @returns {Promise<() => void>} */
 export async function overview(view, start) {
@@ -41,7 +42,7 @@ class Card {
     this.picture = h("div", { class: "picture" });
     this.state = h("p", { class: "state soft", "data-state": "" }, "checking …");
     this.result = h("div", {});
-    this.run = h("p", { class: "soft small" });
+    this.run = h("div", {});
     this.element = h(
       "article",
       { class: "card pipeline", "data-pipeline": listed.id },
@@ -59,7 +60,13 @@ class Card {
       this.showState();
       this.showRun();
       const id = found.run?.id ?? "";
-      if (!id || id === this.shown) return;
+      if (found.problem || id === this.shown) return;
+      if (!id) {
+        this.shown = "";
+        replace(this.result);
+        replace(this.picture);
+        return;
+      }
       const opening = await json(`runs/${id}/opening`);
       if (isOver()) return;
       this.shown = id;
@@ -81,8 +88,7 @@ class Card {
   }
 
   showRun() {
-    const { run } = this.found;
-    replace(this.run, run ? ["Last run ", h("a", { href: `#/runs/${run.id}` }, `${when(run.created).slice(0, 16)} UTC`), `, took ${seconds(run.seconds)}`] : this.found.problem ? null : "never run");
+    replace(this.run, this.found.problem ? null : lastRuns(this.found));
   }
 }
 

@@ -5,7 +5,7 @@ import { attempt, bytes, cell, h, near, problem, prose, replace, replaceUrl, sec
 import { drawing as dag, list as stageList, progress, state } from "./dag.js";
 import { others, underWay } from "./live.js";
 import { withoutUnit } from "./quantity.js";
-import { ofStage, ranked } from "./runs.js";
+import { lastRuns, ofStage, ranked } from "./runs.js";
 
 /** Values that are listed at first. */
 const FIRST = 40;
@@ -54,6 +54,7 @@ export async function pipelineView(view, id, mayRun, query) {
   const elsewhere = h("div", { id: "elsewhere", "aria-live": "polite" });
   const errorBox = h("div", {});
   const runBox = h("div", {});
+  const lastBox = h("div", { id: "last-runs" });
 
   /** @param {any} plan */
   const show = (plan) => {
@@ -67,7 +68,7 @@ export async function pipelineView(view, id, mayRun, query) {
     showStages();
   };
 
-  /** The main result of a stage in the last run, and the time that it took. @param {any} stage */
+  /** The main result of a stage in the last run with the values of the file, and the time that it took. @param {any} stage */
   const last = (stage) => {
     const { results, units, seconds: took } = found.last ?? {};
     const own = ranked(ofStage(results ?? {}, "", stage.name, found.stages.map((/** @type {any} */ one) => one.name)))[0];
@@ -75,14 +76,17 @@ export async function pipelineView(view, id, mayRun, query) {
     const unit = own ? units?.[own[0]] ?? "" : "";
     const time = took?.[stage.name] === undefined ? "" : seconds(took[stage.name]);
     const join = (/** @type {string} */ value) => [value, time && `(${time})`].filter(Boolean).join(" ");
-    return { text: join(own ? (unit ? `${cell(own[1])} ${unit}` : `${name} ${cell(own[1])}`) : ""), full: join(own ? `${name} ${cell(own[1])} ${unit}`.trim() : "") };
+    const full = join(own ? `${name} ${cell(own[1])} ${unit}`.trim() : "");
+    // The plan is that of changed values, the results are those of the file.
+    if (Object.keys(set).length) return { text: "", full: full && `of the file: ${full}` };
+    return { text: join(own ? (unit ? `${cell(own[1])} ${unit}` : `${name} ${cell(own[1])}`) : ""), full };
   };
 
   const showStages = () => {
+    replace(lastBox, found.last ? lastRuns(found.last) : null);
     const working = underWay(found.pipeline, found.path, set);
     const texts = others(found.pipeline, set).map((run) => {
-      const values = Object.entries(run.set).map(([path, value]) => `${path}=${value}`).join(", ") || "the values of the file";
-      return h("p", { class: "box" }, `Another run of this pipeline is in progress, with ${values} (process ${run.pid})${run.stages.length ? `: ${run.stages.map((/** @type {any} */ stage) => stage.name).join(", ")}` : ""}.`);
+      return h("p", { class: "box" }, `Another run of this pipeline is in progress, with ${changedValues(run.set)} (process ${run.pid})${run.stages.length ? `: ${run.stages.map((/** @type {any} */ stage) => stage.name).join(", ")}` : ""}.`);
     });
     replace(elsewhere, texts);
     replace(drawing, dag(planned.stages, found.layout, working, last));
@@ -251,7 +255,7 @@ export async function pipelineView(view, id, mayRun, query) {
   if (found.problem) {
     replace(view, h("h1", {}, "Pipeline"), h("p", { class: "mono" }, near(found.path)), problem(found.problem), source(found.text, found.problem.file === found.path ? found.problem.line : null));
   } else {
-    replace(view, h("h1", {}, found.pipeline), h("p", { class: "mono soft" }, near(found.path)), h("div", { class: "planned" }, estimate, runBox), elsewhere, errorBox, warnings, drawing, narrow, editor(), stages, h("details", {}, h("summary", {}, "The file"), source(found.text, null)));
+    replace(view, h("h1", {}, found.pipeline), h("p", { class: "mono soft" }, near(found.path)), h("div", { class: "planned" }, estimate, runBox), lastBox, elsewhere, errorBox, warnings, drawing, narrow, editor(), stages, h("details", {}, h("summary", {}, "The file"), source(found.text, null)));
     replace(runBox, runner());
     titled(`${found.pipeline} – Pipelines`);
     show(found);
@@ -282,7 +286,7 @@ export async function pipelineView(view, id, mayRun, query) {
 
 /** The state of the run that this server started: its pipeline and values, its events, and its output. @param {any} status @param {string|null} plan the URL of the plan with its values */
 async function report(status, plan) {
-  const values = Object.entries(status.set ?? {}).map(([path, value]) => `${path}=${value}`).join(", ") || "the values of the file";
+  const values = changedValues(status.set ?? {});
   const of = ["Run of ", near(status.pipeline), " with ", plan ? h("a", { href: plan }, values) : values];
   if (status.running) {
     const last = status.events.slice(-12).map(words);

@@ -16,6 +16,18 @@ export function ranked(results) {
   return Object.entries(results).sort(([a], [b]) => place(a) - place(b));
 }
 
+/**
+ * The last runs of a pipeline: that with the values of its file, and a later one with others.
+ * @param {{run: any, changed: any}} last
+ */
+export function lastRuns({ run, changed }) {
+  const link = (/** @type {any} */ one) => h("a", { href: `#/runs/${one.id}` }, `${when(one.created).slice(0, 16)} UTC`);
+  return [
+    h("p", { class: "soft small" }, run ? ["Last run ", link(run), `, took ${seconds(run.seconds)}`] : changed ? "no run with the values of the file" : "never run"),
+    changed ? h("p", { class: "soft small" }, run ? "Later run " : "Last run ", link(changed), ` with ${changedValues(changed.overrides)}`) : null,
+  ];
+}
+
 /** @param {HTMLElement} view @param {string} id */
 export async function runView(view, id) {
   const run = await json(`runs/${encodeURIComponent(id)}`);
@@ -25,7 +37,7 @@ export async function runView(view, id) {
   replace(
     view,
     h("h1", {}, `Run ${run.id}`),
-    h("p", {}, `${run.pipeline}, ${when(run.created)} UTC, on ${run.host}, took ${seconds(run.seconds)}`),
+    h("p", {}, `${run.pipeline}, ${when(run.created)} UTC, on ${run.host}, took ${seconds(run.seconds)}${Object.keys(run.overrides).length ? `, with ${changedValues(run.overrides)}` : ""}`),
     h("p", { class: "mono soft" }, near(run.path)),
     best,
     (run.warnings ?? []).map((/** @type {string} */ text) => h("p", { class: "box" }, h("b", {}, "Warning: "), prose(text))),

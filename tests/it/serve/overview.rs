@@ -86,3 +86,34 @@ fn cards_state_each_pipeline_and_a_run_begins_with_its_best_design() {
     photographed(&mut tab, "run");
     assert_eq!(tab.complaints, Vec::<String>::new());
 }
+
+#[test]
+fn a_card_says_which_stage_failed() {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &scene_file());
+    let stages = STAGES.split("  best:").next().unwrap();
+    let none = "  none: { kind: balance, needs: [solved], bins: 5, range: [60 mm, 70 mm], target: 4, seed: 4 }\n";
+    workspace.write(
+        "failing.yaml",
+        &format!("version: 1\nname: failing\nscene: scene.yaml\nstages:{stages}{none}"),
+    );
+    assert_eq!(workspace.run(&["run", "failing.yaml"]).code, Some(1));
+    let server = Server::start(&workspace, &["serve", "failing.yaml"]);
+    let summary = server.get("/api/pipelines/0/summary").json();
+    assert_eq!(
+        (&summary["run"]["failed"], &summary["stale"]),
+        (&json!(["none"]), &json!(["none"]))
+    );
+    let Some(mut tab) = Tab::open() else { return };
+    tab.screen(1440, 900, "light");
+    tab.go(&server.url);
+    tab.until("document.querySelector('[data-pipeline=\"0\"] .state').dataset.state === 'failed'");
+    let state = tab.text("[data-pipeline=\"0\"] .state");
+    assert!(state.starts_with("failed: none; 1 of 3 stages"), "{state}");
+    // Once the stage can be built, nothing has failed any more.
+    let mended = std::fs::read_to_string(workspace.path("failing.yaml")).unwrap();
+    workspace.write("failing.yaml", &mended.replace(none, ""));
+    tab.reload();
+    tab.until("document.querySelector('[data-pipeline=\"0\"] .state').dataset.state === 'fresh'");
+    assert_eq!(tab.complaints, Vec::<String>::new());
+}
