@@ -2,6 +2,7 @@
 
 mod answers;
 mod areas;
+mod changed;
 mod fronts;
 mod gallery;
 mod overview;

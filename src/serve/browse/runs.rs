@@ -1,6 +1,7 @@
 //! Past runs, and the status of the store.
 
-use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use serde_json::{Value, json};
@@ -10,22 +11,24 @@ use super::units::units;
 use crate::http::{ApiError, Request, Response};
 use crate::jobs::running_jobs;
 use crate::state::ServerState;
-use deaflow_base::read_own;
+use deaflow_base::{ActionKey, read_own};
 use deaflow_executor::workers;
+use deaflow_orchestrator::as_set;
 use deaflow_report::{
     Headline, Opening, RemovedArtifacts, RunArtifacts, StageArtifact, headlines, opening_picture, run_document,
 };
-use deaflow_store::{Run, Store};
+use deaflow_store::{Run, RunStage, Store};
 
 /// Runs in one response.
 const MAX_RUNS: usize = 1000;
 
-/// Lists past runs, the latest first, as `deaflow log --json`; parameters `limit` and `offset`.
+/// Lists past runs, the latest first, as `deaflow log --json`; parameters `limit` and `offset`. With `values`, paths of
+/// `--set` separated by commas, each run has `values`: those that it did not change, as far as its records have them.
 ///
 /// # Errors
 /// If the store cannot be read.
 pub fn runs(state: &ServerState, request: &Request) -> Result<Response, ApiError> {
-    request.allow(&["limit", "offset"])?;
+    request.allow(&["limit", "offset", "values"])?;
     let (limit, offset) = (
         request.integer("limit", 100, MAX_RUNS)?,
         request.integer("offset", 0, usize::MAX)?,
@@ -37,8 +40,72 @@ pub fn runs(state: &ServerState, request: &Request) -> Result<Response, ApiError
     let page: Vec<Run> = all.by_ref().skip(offset).take(limit).collect::<Result<_, _>>()?;
     let more = all.next().transpose()?.is_some();
     let removed = RemovedArtifacts::of(&store);
-    let documents: Vec<Value> = page.iter().map(|run| run_document(run, &removed)).collect();
+    let paths = request.nonempty("values");
+    let paths: Vec<&str> = paths.map_or_else(Vec::new, |paths| paths.split(',').collect());
+    let mut recorded = RecordedValues::new(&store);
+    let mut documents: Vec<Value> = Vec::with_capacity(page.len());
+    for run in &page {
+        let mut document = run_document(run, &removed);
+        if !paths.is_empty() {
+            document["values"] = json!(recorded.of(run, &paths)?);
+        }
+        documents.push(document);
+    }
     Ok(json!({ "runs": documents, "more": more }).into())
+}
+
+/// Values of runs in the records of their stages.
+struct RecordedValues<'s> {
+    store: &'s Store,
+    /// The parameters of each stage by path; runs share many stages.
+    read: BTreeMap<ActionKey, BTreeMap<String, String>>,
+}
+
+impl<'s> RecordedValues<'s> {
+    fn new(store: &'s Store) -> Self {
+        Self {
+            store,
+            read: BTreeMap::new(),
+        }
+    }
+
+    /// Returns the parameters of a stage; none if its record is gone.
+    fn parameters(&mut self, stage: &RunStage) -> Result<&BTreeMap<String, String>, ApiError> {
+        Ok(match self.read.entry(stage.key) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(place) => {
+                let record = self.store.record(&stage.key)?.record();
+                let leaves = record.iter().flat_map(|record| record.action.parameters.leaves());
+                place.insert(leaves.map(|(path, value)| (path, value.to_string())).collect())
+            }
+        })
+    }
+
+    /// Returns the values at some paths of `--set` that a run did not change. A value of the scene that differs between
+    /// stages is not that of the file.
+    fn of<'p>(&mut self, run: &Run, paths: &[&'p str]) -> Result<BTreeMap<&'p str, String>, ApiError> {
+        let mut found = BTreeMap::new();
+        for path in paths.iter().filter(|path| !run.overrides.contains_key(**path)) {
+            let mut values: BTreeSet<String> = BTreeSet::new();
+            for stage in &run.stages {
+                let own = path.strip_prefix("stages.").map_or(Some(*path), |rest| {
+                    rest.strip_prefix(stage.name.as_str())?.strip_prefix('.')
+                });
+                if let Some(own) = own {
+                    let parameters = self.parameters(stage)?.iter();
+                    values.extend(
+                        parameters
+                            .filter(|(path, _)| as_set(path) == own)
+                            .map(|(_, value)| value.clone()),
+                    );
+                }
+            }
+            if let (1, Some(value)) = (values.len(), values.pop_first()) {
+                found.insert(*path, value);
+            }
+        }
+        Ok(found)
+    }
 }
 
 /// Bytes of a log file that are read.
@@ -52,11 +119,14 @@ pub fn one_run(state: &ServerState, request: &Request, id: &str) -> Result<Respo
     request.allow(&[])?;
     let store = state.existing_store()?;
     let run = find_run(&store, id)?;
-    let mut parameters: BTreeMap<String, String> = BTreeMap::new();
+    let mut recorded = RecordedValues::new(&store);
+    let mut parameters: BTreeMap<String, &String> = BTreeMap::new();
     for stage in &run.stages {
-        let record = store.record(&stage.key)?.record();
-        let leaves = record.iter().flat_map(|record| record.action.parameters.leaves());
-        parameters.extend(leaves.map(|(path, value)| (format!("stages.{}.{path}", stage.name), value.to_string())));
+        recorded.parameters(stage)?;
+    }
+    for stage in &run.stages {
+        let own = recorded.read.get(&stage.key).into_iter().flatten();
+        parameters.extend(own.map(|(path, value)| (format!("stages.{}.{path}", stage.name), value)));
     }
     let mut document = run_document(&run, &RemovedArtifacts::of(&store));
     document["parameters"] = json!(parameters);

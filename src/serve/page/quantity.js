@@ -8,6 +8,7 @@ const UNITS = {
   pressure: { Pa: 1, kPa: 1e3, MPa: 1e6, GPa: 1e9 },
   time: { s: 1, ms: 1e-3, us: 1e-6, min: 60, h: 3600 },
   frequency: { Hz: 1, mHz: 1e-3, kHz: 1e3 },
+  share: { "": 1, "%": 0.01 },
 };
 
 /** Units of the values of pipelines by dimension. */

@@ -2,7 +2,7 @@
 
 import { json } from "./server.js";
 import { cell, changes, choice, h, labelled, replace, replaceUrl, seconds, table, when } from "./elements.js";
-import { parallel, varied } from "./parallel.js";
+import { parallel, single, varied } from "./parallel.js";
 import { ranked } from "./runs.js";
 
 /** Runs that are read. */
@@ -97,7 +97,9 @@ class RunList {
   }
 
   async read() {
-    const { runs, more } = await json(`runs?limit=${MOST}`);
+    let { runs, more } = await json(`runs?limit=${MOST}`);
+    const paths = varied(single(runs));
+    if (paths.length) ({ runs, more } = await json(`runs?limit=${MOST}&values=${encodeURIComponent(paths.join(","))}`));
     if (this.ended) return;
     this.runs = runs;
     this.more = more;
@@ -166,13 +168,14 @@ class RunList {
     replace(this.chooser, Object.keys(columns).map(box));
   }
 
-  /** Draws the runs of a pipeline with changed values. @param {any[]} runs */
-  showChart(runs) {
+  /** Draws the runs of a pipeline with changed values. @param {any[]} all */
+  showChart(all) {
+    const runs = single(all);
     const axes = varied(runs);
     const results = [...new Set(runs.flatMap((run) => ranked(run.results).map(([name]) => name)))];
     const ofOne = new Set(runs.map((run) => run.pipeline)).size === 1;
     if (!ofOne || !axes.length || !results.length) {
-      const hint = !ofOne && varied(this.runs).length ? "Choose a pipeline to see how its results depend on the changed values." : "";
+      const hint = !ofOne && varied(single(this.runs)).length ? "Choose a pipeline to see how its results depend on the changed values." : "";
       replace(this.chart, hint ? h("p", { class: "soft small" }, hint) : null);
       return;
     }
