@@ -5,9 +5,9 @@ import { attempt, cell, h, near, number, pageOf, prose, replace, seconds, short,
 import { image } from "./pictures.js";
 
 /** The order of results. */
-const FIRST = [/\.displacement$/, /\.predicted$/, /\.(rmse|max_error)/, /\.value/, /\.max_displacement$/];
+const FIRST = [/\.displacement$/, /\.yield$/, /\.predicted$/, /\.(rmse|max_error)/, /\.value/, /\.max_displacement$/];
 
-/** Sorts results by importance: displacements of verified designs, then errors of models. @param {Record<string, any>} results @returns {[string, any][]} */
+/** Sorts results by importance: displacements of verified designs, yields, then errors of models. @param {Record<string, any>} results @returns {[string, any][]} */
 export function ranked(results) {
   const place = (/** @type {string} */ name) => {
     const at = FIRST.findIndex((one) => one.test(name));
