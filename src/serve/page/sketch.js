@@ -92,7 +92,8 @@ class Sketchpad {
     this.critical = null;
     /** The drawing whose critical voltage is known. */ this.criticalOf = "";
     /** @type {any} */ this.shown = null;
-    /** The last stable state, with the drawing that it belongs to. @type {{key: string, shown: any}|null} */ this.stable = null;
+    /** A stable state, with the drawing that it belongs to, and whether it is the last one along the voltage. @type {{key: string, shown: any, isLast: boolean}|null} */ this.stable = null;
+    /** The drawing and the fields whose last stable state is being computed. */ this.finding = "";
     /** The target of the point, mm; null without one. @type {number|null} */ this.target = null;
     /** Fields with an invalid value: the numbers are for the values before. @type {Set<string>} */ this.invalid = new Set();
     /** Whether the last request failed. */ this.failed = false;
@@ -446,8 +447,9 @@ class Sketchpad {
       this.failed = false;
       const kept = quick && this.shown ? { critical_voltage: null, error: null } : {};
       this.shown = { pattern, document: { ...document, ...kept }, arrays, quick, took: performance.now() - flight.began };
-      if (arrays.displacement) this.stable = key === this.setupKey() ? { key, shown: this.shown } : null;
-      else if (this.stable?.key !== key && document.bracket) void this.findStable(key, pattern, document.bracket[0]);
+      // The last stable state stays: dragging the slider around the limit must not compute it each time.
+      if (arrays.displacement && !this.lastStable(key)) this.stable = key === this.setupKey() ? { key, shown: this.shown, isLast: false } : null;
+      else if (!arrays.displacement && document.bracket && !this.lastStable(key)) void this.findStable(key, pattern, document.bracket[0]);
       if (!quick) this.criticalOf = key;
       this.fresh = true;
       this.soon(this.heat || this.narrow.matches, true);
@@ -468,17 +470,29 @@ class Sketchpad {
 
   /** Requests the last stable state of a drawing that has none at its voltage. @param {string} key @param {Pattern} pattern @param {number} voltage */
   async findStable(key, pattern, voltage) {
+    const body = { ...this.body(true), voltage };
+    const wanted = `${key} ${body.fields}`;
+    if (this.finding === wanted) return;
+    this.finding = wanted;
     try {
-      const { document, arrays } = await frame("sketch", { body: { ...this.body(true), voltage } });
+      const { document, arrays } = await frame("sketch", { body });
       if (this.ended || key !== this.setupKey() || !arrays.displacement) return;
-      this.stable = { key, shown: { pattern, document, arrays, quick: true } };
+      this.stable = { key, shown: { pattern, document, arrays, quick: true }, isLast: true };
       this.soon(true, true);
     } catch {
-      // The membrane is drawn at rest; the request of the solution reports errors.
+      // Another stable state or the membrane at rest stays; the request of the solution reports errors.
+    } finally {
+      if (this.finding === wanted) this.finding = "";
     }
   }
 
-  /** The state that is drawn: that of the last response, or else the last stable one of the drawing. */
+  /** The last stable state of a drawing along the voltage, with the fields of the present colouring; null if it is not known. @param {string} key */
+  lastStable(key) {
+    const known = this.stable?.key === key && this.stable.isLast && this.body(true).fields.every((name) => name === "sensitivity" || name in (this.stable?.shown.arrays ?? {}));
+    return known ? this.stable : null;
+  }
+
+  /** The state that is drawn: that of the last response, or else a stable one of the drawing. */
   stableState() {
     if (this.shown?.arrays.displacement) return this.shown;
     return this.stable?.key === this.setupKey() ? this.stable.shown : null;
@@ -580,7 +594,7 @@ class Sketchpad {
     // A sweep draws the membrane itself.
     if (this.sweeping.isPlaying) return;
     const shown = this.stableState();
-    const isLast = shown !== null && shown !== this.shown;
+    const isOther = shown !== null && shown !== this.shown;
     const displacement = /** @type {Float32Array|null} */ (shown?.arrays.displacement.data ?? null);
     const pattern = displacement ? shown.pattern : this.pattern;
     /** @type {ArrayLike<number>|null} */ let values = null;
@@ -590,16 +604,18 @@ class Sketchpad {
     const [least, high] = values ? range(values) : [0, 0];
     const low = fromZero ? Math.min(0, least) : least;
     drawMembrane(this.membrane, pattern, displacement, { size, scale: this.scale, values, parts, sides, low, high, point: this.point, direction: this.direction });
-    this.legend.classList.toggle("error", isLast);
+    this.legend.classList.toggle("error", isOther);
+    // A hidden bar has no width to be drawn in.
+    this.bar.hidden = !values;
     if (values) {
       drawBar(this.bar, false);
       // The error is that of displacements.
       const known = this.colouring === "displacement" && !shown.quick ? shown.document.error : null;
       this.legend.textContent = `${name}: ${[low, high].map((end) => (end === 0 ? "0" : roundedBy(end / factor, known, 3))).join(" to ")} ${unit}`;
     } else this.legend.textContent = this.colouring === "electrode" || !this.shown || displacement ? "electrodes" : "no stable state: the membrane is shown at rest";
-    if (isLast) this.legend.textContent = `no stable state at ${volts(this.voltage)}; this is the last stable one, at ${volts(shown.document.voltage)}: ${this.legend.textContent}`;
+    const which = this.stable?.isLast ? "the last stable one" : "a stable one";
+    if (isOther) this.legend.textContent = `no stable state at ${volts(this.voltage)}; this is ${which}, at ${number(shown.document.voltage)} V: ${this.legend.textContent}`;
     if (sides) this.legend.textContent += `; ${SIDES}`;
-    this.bar.hidden = !values;
   }
 
   /** @param {string} method @param {number} elements @param {number} order */

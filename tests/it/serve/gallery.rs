@@ -128,13 +128,29 @@ fn beyond_the_limit_the_last_stable_state_stays_and_a_button_goes_back() {
     let told: f64 = limit.split(' ').nth(1).unwrap().parse().unwrap();
     assert!((begins - told).abs() < 0.02 * told, "{begins} and {limit}");
     tab.write("#volts", "9 kV");
-    tab.until("document.querySelector('.legend').textContent.includes('this is the last stable one, at 5250 V: displacement: 0 to ')");
+    // The last one along the voltage, which is not the one that was shown before.
+    tab.until("document.querySelector('.legend').textContent.includes('this is the last stable one, at ')");
+    let legend = tab.text(".legend");
+    let last = legend
+        .split("the last stable one, at ")
+        .nth(1)
+        .and_then(|rest| rest.split(' ').next());
+    let last: f64 = last.unwrap().parse().unwrap();
+    assert!(
+        (last - told).abs() < 0.1 * told && last > 5300.0,
+        "{legend} and {limit}"
+    );
+    assert!(legend.contains("displacement: 0 to "), "{legend}");
+    // Another colouring is that of the same state.
+    tab.value("(() => { const e = document.querySelector('select[name=colouring]'); e.value = 'stress'; e.dispatchEvent(new Event('change')) })()");
+    tab.until(&format!("document.querySelector('.legend').textContent.includes('the last stable one, at {last} V: larger principal stress')"));
+    tab.value("(() => { const e = document.querySelector('select[name=colouring]'); e.value = 'displacement'; e.dispatchEvent(new Event('change')) })()");
     tab.until("!document.querySelector('#to-limit').hidden");
     assert!(tab.text("#to-limit").starts_with("Go to ") && tab.text("#to-limit").ends_with(" kV"));
     photographed(&mut tab, "beyond");
     // Of another drawing nothing is known yet.
     tab.stroke("#pad", &[[0.1, 0.3], [0.2, 0.6]]);
-    tab.until("document.querySelector('.legend').textContent.includes('this is the last stable one') && !document.querySelector('.legend').textContent.includes('5250')");
+    tab.until(&format!("document.querySelector('.legend').textContent.includes('this is the last stable one') && !document.querySelector('.legend').textContent.includes('at {last} V')"));
     tab.until(SETTLED);
     tab.value("document.querySelector('[data-gallery=ring]').click()");
     assert_eq!(tab.text("#critical-voltage"), "computing the critical voltage …");
@@ -207,6 +223,12 @@ fn a_link_holds_the_drawing() {
     tab.until("!document.querySelector('button[name=undo]').disabled");
     tab.click("button[name=undo]");
     assert_eq!(tab.value("JSON.parse(sessionStorage.getItem('deaflow scene'))"), drawn);
+    // Beyond the limit the last stable state is drawn, with a bar as high as that of others.
+    let height = tab.value("document.querySelector('canvas.bar').clientHeight");
+    tab.go("about:blank");
+    tab.go(&link.replace("volts=4321.5", "volts=9000"));
+    tab.until("document.querySelector('.legend').textContent.includes('this is the last stable one, at ')");
+    assert_eq!(tab.value("document.querySelector('canvas.bar').clientHeight"), height);
     // A link to a scene that is not there says so, and so does one that was cut off.
     let address = format!("http://127.0.0.1:{}/", server.port);
     for (changed, told) in [
