@@ -111,7 +111,7 @@ parameters! {
         /// A shape; the cells whose centres lie in it count.
         pub(super) region: Shape,
         /// `largest` or `smallest` for an area that changes as far as possible, or a target: the change of the area
-        /// relative to that of the prestretched membrane. It counts as the growth of the radius of the disc of the
+        /// relative to that of the prestretched membrane. It counts as the change of the radius of the disc of the
         /// same area.
         pub(super) area_strain: AreaStrain,
         /// Weight relative to other points.

@@ -125,7 +125,7 @@ impl Objective {
     #[must_use]
     pub fn quantity(&self) -> &'static str {
         match !self.targets.is_empty() && self.targets.iter().all(|target| target.is_region) {
-            true => "growth of the radius",
+            true => "change of the radius",
             false => quantity(self.unit()),
         }
     }
@@ -416,7 +416,7 @@ mod tests {
         assert!(Objective::read("{ body: 1, direction: 0 }", &scene).is_err());
         let region = "region: { rectangle: [[10 mm, 20 mm], [14 mm, 30 mm]] }";
         let grown = of(&format!("{{ {region}, area_strain: largest, measure: displacement }}"));
-        assert_eq!((grown.quantity(), grown.unit()), ("growth of the radius", "mm"));
+        assert_eq!((grown.quantity(), grown.unit()), ("change of the radius", "mm"));
         assert_eq!(
             grown.description(),
             "the region about (12, 25) mm with the largest area strain"

@@ -75,8 +75,12 @@ target = {"point": ["20 mm", "12 mm"], "displacement": ["0.5 mm", "0.2 mm"]}
 check(BODY, {"voltage": "5 kV"}, target, {"elements_per_cell": 1, "order": 2})
 
 # A body whose border elements follow moves as `solve` says: corners of its cells outside of the border do not move with it.
-hub = dict(WHOLE, cells=20, frame={"opening": {"disc": {"centre": ["25 mm", "25 mm"], "radius": "20 mm"}}}, curves="fitted")
-hub["bodies"] = [{"disc": {"centre": ["25 mm", "25 mm"], "radius": "5 mm"}}]
+def disc(radius):
+    return {"disc": {"centre": ["25 mm", "25 mm"], "radius": radius}}
+
+
+hub = dict(WHOLE, cells=20, frame={"opening": disc("20 mm"), "curves": "fitted"})
+hub["bodies"] = [dict(disc("5 mm"), curves="fitted")]
 hub = deaflow.Scene({"geometry": hub, "material": MATERIAL, "drive": {"voltage": "5 kV"}})
 pattern = np.zeros((20, 20), dtype=int)
 pattern[4:9, 9:16] = pattern[12:16, 3:8] = 1
