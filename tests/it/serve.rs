@@ -883,7 +883,7 @@ fn pipelines_rows_and_runs_are_looked_at() {
     tab.until("document.querySelector('#matched').textContent.includes('invalid filter') && !document.querySelector('#matched').dataset.matched");
     tab.until("document.querySelector('.cards.old')");
     tab.write("input[name=filter]", "family = small-grid or family = large-grid");
-    tab.until("document.querySelector('[role=alert]')?.textContent.includes('do not support `or`')");
+    tab.until("document.querySelector('[role=alert]')?.textContent.includes('do not support or')");
     tab.write("input[name=filter]", "family = smallgrid");
     tab.until("document.querySelector('#unknown').textContent.includes('large-grid, small-grid')");
     tab.until("document.querySelector('#matched').dataset.matched === '0' && !document.querySelector('.old')");
