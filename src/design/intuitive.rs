@@ -130,8 +130,8 @@ fn rank(aims: &[PlacedAim], raster: Raster, cell: usize, drivers: &[u8]) -> Rank
 }
 
 /// The signed distance of a position relative to its point from the line through the point. The design for a rotation
-/// is a windmill: four blades, each of which pushes one side of the body. That for an area covers the region, or all but
-/// the region, the cells that are farther in first.
+/// is a windmill: four blades, each of which pushes one side of the body. That for an area covers the region, or all
+/// but the region, the cells that are farther in first.
 fn before(aim: &PlacedAim, from: [f64; 2], cell: [usize; 2]) -> f64 {
     let along = from[0] * aim.direction[0] + from[1] * aim.direction[1];
     match &aim.subject {

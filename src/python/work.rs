@@ -146,7 +146,8 @@ pub fn is_main_thread(py: Python<'_>) -> PyResult<bool> {
 }
 
 /// Runs work that takes some milliseconds on this thread, the [main](is_main_thread) one, up to Ctrl-C: on a busy
-/// machine other threads would begin late. The work must not start work for several threads, and check interrupts often.
+/// machine other threads would begin late. The work must not start work for several threads, and must check interrupts
+/// often.
 ///
 /// # Errors
 /// That of the work or of a handler.

@@ -40,8 +40,8 @@ impl Opening {
     }
 }
 
-/// Draws the best design of a run or the ends of its front, or else the first figure of its report, as an SVG document; `None` if there is
-/// nothing to draw.
+/// Draws the best design of a run or the ends of its front, or else the first figure of its report, as an SVG document;
+/// `None` if there is nothing to draw.
 ///
 /// # Errors
 /// If an artifact cannot be read or does not have the content of its kind.

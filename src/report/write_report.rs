@@ -288,7 +288,7 @@ fn has_front(designs: &[Design]) -> bool {
 
 /// The cells of the columns of fronts.
 fn front_row(design: &Design) -> [String; FRONT_COLUMNS.len()] {
-    let others = design.front.as_ref().map_or(&[][..], |place| &place.others);
+    let others = design.other_objectives();
     let text = |at: usize| others.get(at).map_or_else(String::new, |other| other.text.clone());
     let value = |other: Option<&OtherObjective>| other.map_or_else(String::new, |other| number(other.value));
     let in_unit = |at: usize, unit: &str| value(others.get(at).filter(|other| other.unit == unit));

@@ -293,6 +293,7 @@ impl VerifyStage {
     /// case and name are compared, so they must have the same objective and area.
     fn cases(&self, designs: &[&Artifact], states: &[Scene]) -> Result<Cases, StageError> {
         let (mut cases, mut known) = (Cases::default(), BTreeMap::new());
+        let on_both = GeometryError::scenes(&self.scene);
         for design in designs {
             let view = Designs::open(design)?;
             let (rows, values) = (view.rows().read()?, view.value().read()?);
@@ -300,7 +301,7 @@ impl VerifyStage {
                 let wrong = |why: String| StageError::in_artifact(design, why);
                 let text = &rows.objective.0[row];
                 if !known.contains_key(text) {
-                    known.insert(text.clone(), self.goal(text, states).map_err(wrong)?);
+                    known.insert(text.clone(), self.goal(text, states, on_both.as_ref()).map_err(wrong)?);
                 }
                 let goal = known[text].clone();
                 if !cases.is_repeated(&rows, row)? {
@@ -313,12 +314,12 @@ impl VerifyStage {
         Ok(cases)
     }
 
-    /// Reads the goal of a design. Area and its weight do not affect the displacement.
-    fn goal(&self, text: &str, states: &[Scene]) -> Result<CaseGoal, String> {
+    /// Reads the goal of a design; `on_both` is the scene on cells and on shapes, if these differ. Area and its weight do
+    /// not affect the displacement.
+    fn goal(&self, text: &str, states: &[Scene], on_both: Option<&[Scene; 2]>) -> Result<CaseGoal, String> {
         let objective = design::stored_objective(text)?;
         let goal = objective.goal(&self.scene, None, 0.0).map_err(|e| e.to_string())?;
-        let scenes = GeometryError::scenes(&self.scene);
-        let on_both = scenes.map(|scenes| {
+        let on_both = on_both.map(|scenes| {
             let [on_cells, on_shapes] = scenes.each_ref().map(|scene| objective.goal(scene, None, 0.0));
             Some([on_cells.ok()?, on_shapes.ok()?])
         });

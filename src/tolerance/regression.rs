@@ -9,7 +9,7 @@ pub(crate) struct Fit {
     /// The mean of each function.
     means: Vec<f64>,
     /// The mean of the values.
-    pub mean: f64,
+    mean: f64,
     /// The sum of squares that the functions explain.
     pub explained: f64,
     /// The sum of squares of the values about their mean.

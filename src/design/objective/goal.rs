@@ -164,7 +164,8 @@ impl Goal {
         self.aims.iter().any(PlacedAim::is_reaction)
     }
 
-    /// The largest change of its value for each mm by which every corner is displaced: more than 1 for areas of regions.
+    /// The largest change of its value for each mm by which every corner is displaced: more than 1 for areas of
+    /// regions.
     #[must_use]
     pub fn value_per_displacement(&self) -> f64 {
         let of = |aim: &PlacedAim| match &aim.subject {

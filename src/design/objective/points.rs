@@ -24,7 +24,8 @@ pub(super) const AREAS: [&str; 2] = ["smallest", "largest"];
 /// Range of target area strains.
 const STRAINS: std::ops::RangeInclusive<f64> = 0.0..=1.0;
 
-/// How far inside the border of a body a corner is, at least, as a share of a cell: elements follow the border by polygons.
+/// How far inside the border of a body a corner is, at least, as a share of a cell: elements follow the border by
+/// polygons.
 const INSIDE: f64 = 0.25;
 
 /// The keys for the motion of a body.
@@ -387,8 +388,8 @@ fn state_index(scene: &Scene, state: Option<&StateName>) -> Result<usize, GoalEr
     })
 }
 
-/// The centroid of a body in mm, and its markers: the corner of cells farthest from the centroid, and the corner farthest
-/// from that. If elements follow the border of the body, only corners inside of it move with it.
+/// The centroid of a body in mm, and its markers: the corner of cells farthest from the centroid, and the corner
+/// farthest from that. If elements follow the border of the body, only corners inside of it move with it.
 fn markers(scene: &Scene, body: usize) -> Result<([f64; 2], BodyMarkers), GoalError> {
     let count = scene.parts().map_or(0, |parts| parts.bodies());
     let missing = || GoalError::Body { found: body, count };
@@ -521,22 +522,31 @@ impl Parameter for StateName {
     }
 }
 
+/// The index of the word that a value is; `None` for other values.
+fn word_of(words: [&str; 2], node: &Node) -> Option<usize> {
+    words.iter().position(|word| node.is_text(word))
+}
+
+/// Refuses a value that is neither one of two words nor `others`, as which its reader has refused it.
+fn neither(error: InputError, words: [&str; 2], others: &str, (node, key): (&Node, &str)) -> InputError {
+    let is_word = |text: &&str| text.starts_with(char::is_alphabetic);
+    let error = match node.text(key).ok().filter(is_word) {
+        Some(word) => node.error(format!("`{key}` cannot be {word:?}")),
+        None => error,
+    };
+    error.help(format!("allowed: {}, or {others}", words.join(", ")))
+}
+
 impl Parameter for Rotation {
     type Limits = ();
     type Literal = bool;
 
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
-        match ROTATIONS.iter().position(|word| node.is_text(word)) {
+        match word_of(ROTATIONS, node) {
             Some(at) => Ok(Self::Farthest(at == 1)),
-            None => Angle::read(node, key, &ANGLES).map(Self::By).map_err(|error| {
-                let is_word = |text: &&str| text.starts_with(char::is_alphabetic);
-                let error = match node.text(key).ok().filter(is_word) {
-                    Some(word) => node.error(format!("`{key}` cannot be {word:?}")),
-                    None => error,
-                };
-                let words = ROTATIONS.join(", ");
-                error.help(format!("allowed: {words}, or an angle from -179 deg to 179 deg"))
-            }),
+            None => Angle::read(node, key, &ANGLES)
+                .map(Self::By)
+                .map_err(|error| neither(error, ROTATIONS, "an angle from -179 deg to 179 deg", (node, key))),
         }
     }
 
@@ -561,16 +571,11 @@ impl Parameter for AreaStrain {
     type Literal = bool;
 
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
-        match AREAS.iter().position(|word| node.is_text(word)) {
+        match word_of(AREAS, node) {
             Some(at) => Ok(Self::Farthest(at == 1)),
-            None => Decimal::read(node, key, &STRAINS).map(Self::By).map_err(|error| {
-                let is_word = |text: &&str| text.starts_with(char::is_alphabetic);
-                let error = match node.text(key).ok().filter(is_word) {
-                    Some(word) => node.error(format!("`{key}` cannot be {word:?}")),
-                    None => error,
-                };
-                error.help(format!("allowed: {}, or a target from 0 % to 100 %", AREAS.join(", ")))
-            }),
+            None => Decimal::read(node, key, &STRAINS)
+                .map(Self::By)
+                .map_err(|error| neither(error, AREAS, "a target from 0 % to 100 %", (node, key))),
         }
     }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::compare::gain;
-use super::front::FrontPlace;
+use super::front::{FrontPlace, OtherObjective};
 use super::objective::{Objective, TargetPoint};
 use crate::artifacts::StageArtifact;
 use crate::drawing::{Background, DeformedMembrane};
@@ -129,6 +129,12 @@ impl Design {
             .map(|target| target.point)
             .collect();
         DeformedMembrane::new(self.pattern.cells(), field, self.background.clone(), points).ok()
+    }
+
+    /// Returns the objectives of its front after the first; none if it is no point of one.
+    #[must_use]
+    pub fn other_objectives(&self) -> &[OtherObjective] {
+        self.front.as_ref().map_or(&[], |place| &place.others)
     }
 
     /// Returns the columns and rows that the search could switch: those of units, or of the cells.

@@ -40,6 +40,12 @@ impl OtherObjective {
         is_cost(&self.unit)
     }
 
+    /// Whether it is the area, which is told of every design.
+    #[must_use]
+    pub fn is_area(&self) -> bool {
+        self.unit == SHARE
+    }
+
     /// Returns the value with its unit.
     #[must_use]
     pub fn value_text(&self) -> String {

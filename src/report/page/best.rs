@@ -180,7 +180,7 @@ fn point(design: &Design) -> String {
         (Some(value), _) => format!("{} {}", mm(value), design.objective.unit()),
         (None, _) => "no value".to_owned(),
     };
-    let mut others = design.front.iter().flat_map(|place| &place.others);
+    let mut others = design.other_objectives().iter();
     let motions = others.clone().filter(|other| !other.is_cost());
     let motions: Vec<String> = motions.map(OtherObjective::value_text).collect();
     let charge = others.find(|other| other.unit == CHARGE_UNIT);
@@ -207,9 +207,9 @@ fn front_sentence(points: &[&Design]) -> String {
 fn front_facts(points: &[&Design], all: &[Design]) -> Vec<String> {
     let [first, _] = ends(points);
     let own = format!("{} of {}", first.objective.quantity(), first.objective.description());
-    let others = first.front.iter().flat_map(|place| &place.others);
+    let others = first.other_objectives();
     let words: Vec<String> = std::iter::once(own)
-        .chain(others.clone().map(|other| other.description.clone()))
+        .chain(others.iter().map(|other| other.description.clone()))
         .collect();
     let stage = first.front.as_ref().map_or("", |place| place.stage.as_str());
     let is_of_front = |design: &Design| points.iter().any(|point| point.has_same_target(design));
@@ -221,7 +221,7 @@ fn front_facts(points: &[&Design], all: &[Design]) -> Vec<String> {
     facts.push("as the search predicts, no point is better than another one in all objectives".to_owned());
     if points.iter().any(|point| point.outcome.is_none()) {
         facts.push("not verified by finite elements on two meshes".to_owned());
-    } else if others.clone().any(|other| !other.is_cost()) {
+    } else if others.iter().any(|other| !other.is_cost()) {
         facts.push("the objectives after the first are as predicted by the search".to_owned());
     }
     let unmet = points

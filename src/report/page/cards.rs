@@ -182,12 +182,9 @@ fn rows(design: &Design) -> Markup {
         (name, interval.ends(), String::new())
     });
     // The area has its own row.
-    let others = design
-        .front
-        .iter()
-        .flat_map(|place| &place.others)
-        .zip(["second objective", "third objective"]);
-    let others = others.filter(|(other, _)| other.description != "area");
+    let others = design.other_objectives().iter();
+    let others = others.zip(["second objective", "third objective"]);
+    let others = others.filter(|(other, _)| !other.is_area());
     let others = others.map(|(other, name)| (name, other.value_text(), "predicted".to_owned()));
     let rows = [
         predicted,

@@ -100,11 +100,7 @@ pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
                 "" | "{}" => String::new(),
                 some => format!(", constraints {some}"),
             };
-            let others = first
-                .front
-                .iter()
-                .flat_map(|place| &place.others)
-                .zip(["second", "third"]);
+            let others = first.other_objectives().iter().zip(["second", "third"]);
             let others = others.map(|(other, number)| format!("; {number} objective: {}", other.description));
             page.note(&format!(
                 "Objective: {} of {}, {area}{constraints}{}",
@@ -185,12 +181,8 @@ fn row(design: &Design, is_swept: bool) -> Vec<String> {
     };
     // The area has its own column.
     let other = |at: usize| {
-        let others = design.front.as_ref().and_then(|place| place.others.get(at));
-        text(
-            others
-                .filter(|other| other.description != "area")
-                .map(OtherObjective::value_text),
-        )
+        let other = design.other_objectives().get(at).filter(|other| !other.is_area());
+        text(other.map(OtherObjective::value_text))
     };
     let met = match design.status.as_str() {
         "met" | "" => design.status.clone(),
