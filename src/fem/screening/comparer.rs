@@ -66,14 +66,17 @@ impl Comparer {
         }
     }
 
-    /// Returns the comparer of the same patterns on grids that resolve the strips of a fringe field.
-    pub fn resolving_strips(&self) -> Self {
+    /// Returns the comparer on grids that resolve the strips of a fringe field, of the patterns that may be the most
+    /// influenced by the comparisons of all patterns without such grids.
+    pub fn resolving_strips(&self, found: &[Comparison]) -> Self {
+        let chosen = Comparison::may_be_largest(found);
+        let of = |patterns: &Vec<(String, Pattern)>| chosen.iter().map(|at| patterns[*at].clone()).collect();
         Self {
-            patterns: self.patterns.clone(),
-            of_cells: self.of_cells.clone(),
+            patterns: of(&self.patterns),
+            of_cells: self.of_cells.as_ref().map(of),
             purpose: Purpose::Table,
             each: self.each,
-            left: self.left.clone(),
+            left: chosen.iter().map(|at| self.left[*at]).collect(),
             current: None,
         }
     }

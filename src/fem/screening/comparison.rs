@@ -30,6 +30,8 @@ pub struct Displacement {
 
 /// Displacements in mm below this are rounding errors.
 const ROUNDING: f64 = 1e-12;
+/// Elements that do not resolve the strips of a fringe field find at least this share of its influence.
+const FOUND_WITHOUT_STRIPS: f64 = 0.5;
 /// If the change of the largest displacement is at least this share of the difference, it is reported with its sign.
 const REPRESENTATIVE: f64 = 0.7;
 
@@ -62,6 +64,18 @@ impl Comparison {
     pub fn is_unknown(&self) -> bool {
         let ends = |outcome: &Outcome| outcome.is_converged() || outcome.bracket().is_some();
         !self.outcomes.iter().all(ends)
+    }
+
+    /// Returns which of the patterns may be the most influenced by a fringe field, or lose their stability by it, from
+    /// comparisons on elements that do not resolve its strips.
+    #[must_use]
+    pub fn may_be_largest(found: &[Self]) -> Vec<usize> {
+        let largest = found.iter().map(Self::difference).fold(0.0, f64::max);
+        let may_be = |one: &Self| {
+            let is_sure = one.outcomes.iter().all(Outcome::is_converged);
+            !is_sure || one.difference() >= FOUND_WITHOUT_STRIPS * largest
+        };
+        (0..found.len()).filter(|at| may_be(&found[*at])).collect()
     }
 
     fn difference(&self) -> f64 {
@@ -191,6 +205,19 @@ mod tests {
         // A field that moves only with the effect has changed completely.
         let moved = Displacement::between(&zero, &field(1.0, 0.0), 5.0);
         assert_eq!((moved.difference, moved.change), (1.0, 1.0));
+    }
+
+    #[test]
+    fn patterns_that_may_be_the_most_influenced_are_solved_again() {
+        let converged = [Outcome::Converged; 2];
+        let found = [
+            one(converged, Some(0.04)),
+            one(converged, Some(0.1)),
+            one([Outcome::Converged, lost()], Some(0.01)),
+            one(converged, Some(0.05)),
+        ];
+        assert_eq!(Comparison::may_be_largest(&found), [1, 2, 3]);
+        assert!(Comparison::may_be_largest(&[]).is_empty());
     }
 
     #[test]

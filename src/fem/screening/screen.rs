@@ -240,7 +240,7 @@ impl<'a> ScreeningRun<'a> {
             .iter()
             .any(|scene| scene.effects.fringe_field.is_some());
         if self.purpose == Purpose::Warnings && is_fringed && judged.assessment.number.is_some_and(|n| n > IN_DOUBT) {
-            let mut fine = self.comparer.resolving_strips();
+            let mut fine = self.comparer.resolving_strips(&judged.comparisons);
             let other = fine.prepare(&current, &other_scene)?;
             judged = fine.compare(&other, !is_on)?.into();
         }
