@@ -33,7 +33,10 @@ pub fn png(size: [f64; 2], drawing: &Markup) -> Result<Vec<u8>, FigureError> {
         Transform::from_scale(SCALE as f32, SCALE as f32),
         &mut pixels.as_mut(),
     );
-    let colours: Vec<u8> = pixels.data().chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+    let mut colours = Vec::with_capacity(pixels.data().len() / 4 * 3);
+    for pixel in pixels.data().chunks_exact(4) {
+        colours.extend_from_slice(&pixel[..3]);
+    }
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, width, height);
     encoder.set_color(png::ColorType::Rgb);
