@@ -3,7 +3,7 @@
 
 use serde_json::Value;
 
-use super::common::{TINY, Transcript, Workspace, scene_file, snapshot};
+use super::common::{TINY, Transcript, Workspace, scene_file, scene_of_20_cells, snapshot};
 
 /// A pipeline of one design and its verification, which needs no dataset and no network.
 fn alone() -> Workspace {
@@ -19,6 +19,13 @@ stages:
   verified: { kind: verify, needs: [design], elements_per_cell: 2 }
 ",
     );
+    workspace
+}
+
+/// The same on a membrane of 20 × 20 cells.
+fn coarse() -> Workspace {
+    let workspace = alone();
+    workspace.write("scene.yaml", &scene_of_20_cells());
     workspace
 }
 
@@ -132,7 +139,7 @@ stages:
 
 fn several() -> Workspace {
     let workspace = Workspace::new();
-    workspace.write("scene.yaml", &scene_file());
+    workspace.write("scene.yaml", &scene_of_20_cells());
     workspace.write("several.yaml", SEVERAL);
     workspace
 }
@@ -140,7 +147,7 @@ fn several() -> Workspace {
 #[test]
 fn designs_of_at_most_an_area_do_not_exceed_it() {
     let workspace = Workspace::new();
-    workspace.write("scene.yaml", &scene_file());
+    workspace.write("scene.yaml", &scene_of_20_cells());
     let pipeline = "version: 1
 name: largest
 scene: scene.yaml
@@ -214,7 +221,7 @@ stages:
 #[test]
 fn stated_errors_of_designs_cover_the_distance_from_a_fine_mesh() {
     let workspace = Workspace::new();
-    workspace.write("scene.yaml", &scene_file());
+    workspace.write("scene.yaml", &scene_of_20_cells());
     let meshes = [(1, 1), (2, 1), (3, 1), (4, 1), (1, 2), (2, 2), (4, 2)];
     let stage = |(elements, order): (usize, usize)| {
         format!(
@@ -284,7 +291,7 @@ fn a_refined_design_reaches_the_optimum_and_a_target_is_rebuilt_alone() {
 
 #[test]
 fn several_designs_of_one_value_differ() {
-    let workspace = alone();
+    let workspace = coarse();
     let more = "stages.design={ kind: design, evaluator: chord:2, seed: 3, population: 40, generations: 3, designs: \
                 2, distance: 0.05, refine: true, units: 20, area: 0.5, objective: { point: [25 mm, 25 mm], direction: 0 deg, value: 0.8 mm } }";
     let ended = workspace.run(&["run", "alone.yaml", "--set", more, "--json"]);
@@ -326,30 +333,30 @@ fn several_designs_of_one_value_differ() {
     let all = document["results"][0]["rows"].as_array().unwrap().iter().enumerate();
     let refined: Vec<&[u8]> = all
         .filter(|(_, row)| row["role"] == "refined")
-        .map(|(k, _)| &cells[k * 2500..][..2500])
+        .map(|(k, _)| &cells[k * 400..][..400])
         .collect();
     for (k, one) in refined.iter().enumerate() {
         for other in &refined[..k] {
-            assert!(least_difference(one, other) >= 125);
+            assert!(least_difference(one, other) >= 20);
         }
     }
 }
 
 /// Cells in which two patterns differ, whichever way one of them is turned or mirrored.
 fn least_difference(one: &[u8], other: &[u8]) -> usize {
-    let at = |x: usize, y: usize| other[y * 50 + x];
+    let at = |x: usize, y: usize| other[y * 20 + x];
     let image = |k: usize, x: usize, y: usize| {
-        let (x, y) = if k & 1 == 0 { (x, y) } else { (49 - x, y) };
-        let (x, y) = if k & 2 == 0 { (x, y) } else { (x, 49 - y) };
+        let (x, y) = if k & 1 == 0 { (x, y) } else { (19 - x, y) };
+        let (x, y) = if k & 2 == 0 { (x, y) } else { (x, 19 - y) };
         if k & 4 == 0 { at(x, y) } else { at(y, x) }
     };
-    let differing = |k| (0..2500).filter(|&c| one[c] != image(k, c % 50, c / 50)).count();
+    let differing = |k| (0..400).filter(|&c| one[c] != image(k, c % 20, c / 20)).count();
     (0..8).map(differing).min().unwrap()
 }
 
 #[test]
 fn designs_keep_their_constraints() {
-    let workspace = alone();
+    let workspace = coarse();
     let wired = "stages.design={ kind: design, evaluator: linear, seed: 3, population: 60, generations: 2, refine: \
                  true, area: 0.3, area_tolerance: 0.02, objective: { point: [30 mm, 25 mm], direction: 0 deg }, \
                  constraints: { min_feature: 3 mm, islands: 1, leads: true, pull_in_margin: 1.1, keep_out: [{ disc: { centre: [25 mm, 25 mm], radius: 4 mm } }] } }";
@@ -453,7 +460,7 @@ stages:
 
 #[test]
 fn designs_of_different_objectives_are_not_compared() {
-    let workspace = alone();
+    let workspace = coarse();
     let more = [
         "stages.other={ kind: design, method: adjoint, units: 20, starts: 1, seed: 1, objective: { point: [30 mm, 25 mm], direction: 0 deg } }",
         "stages.verified.needs=[design, other]",
@@ -478,7 +485,7 @@ fn a_wrong_evaluator_is_exposed_by_verification() {
 
 #[test]
 fn empty_and_full_designs_are_sound_results() {
-    let workspace = alone();
+    let workspace = coarse();
     for (area, cells) in [("0", 0.0), ("1", 1.0)] {
         let area = format!("stages.design.area={area}");
         let ended = workspace.run(&[

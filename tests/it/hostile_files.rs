@@ -5,7 +5,7 @@ use std::io::Write;
 use std::os::unix::fs::symlink;
 
 use super::common::bounded::pipe;
-use super::common::{SMALL, Workspace, files, snapshot};
+use super::common::{Workspace, files, scene_file, snapshot};
 use super::h5py::python;
 
 fn npy(header: &str, data: &[u8]) -> Vec<u8> {
@@ -38,7 +38,7 @@ fn bomb(side: u32) -> Vec<u8> {
 
 fn with_scene() -> Workspace {
     let workspace = Workspace::new();
-    workspace.write("scene.yaml", SMALL);
+    workspace.write("scene.yaml", &scene_file());
     workspace
 }
 

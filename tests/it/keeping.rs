@@ -124,10 +124,10 @@ fn a_plan_has_a_cost_estimate_and_a_run_the_actual_cost() {
     let solved = &plan["stages"][1];
     let seconds = |which: &str| solved["price"]["seconds"][which].as_f64().unwrap();
     assert!(0.0 <= seconds("low") && seconds("low") < seconds("likely") && seconds("likely") < seconds("high"));
-    // 110 more fields of 51×51×2 numbers, and a little about each.
+    // 110 more fields of 21×21×2 numbers, and a little about each.
     let bytes = solved["price"]["bytes"]["likely"].as_f64().unwrap();
     assert!(
-        (0.9..1.5).contains(&(bytes / (110.0 * 51.0 * 51.0 * 2.0 * 8.0))),
+        (0.9..1.5).contains(&(bytes / (110.0 * 21.0 * 21.0 * 2.0 * 8.0))),
         "{bytes}"
     );
     assert_eq!(plan["unpriced"], 0);

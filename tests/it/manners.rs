@@ -41,7 +41,8 @@ fn a_new_project_is_complete_and_nothing_is_replaced() {
         Some(0)
     );
 
-    let screened = workspace.run(&["screen", "tweezers/scene.yaml", "--json"]);
+    let coarse = ["--set", "geometry.cells=20"];
+    let screened = workspace.run(&[&["screen", "tweezers/scene.yaml", "--json"], &coarse[..]].concat());
     assert_eq!(screened.code, Some(0), "{}", screened.stderr);
     let effects = screened.json()["effects"].as_array().unwrap().clone();
     let stiffening = effects.iter().find(|row| row["effect"] == "strain_stiffening").unwrap();

@@ -122,7 +122,7 @@ fn a_crate_holds_what_it_says() {
         "my pipelines/small.yaml",
         &pipeline.replace("scene.yaml", "scenes/scene.yaml"),
     );
-    workspace.write("my pipelines/scenes/scene.yaml", &super::common::scene_file());
+    workspace.write("my pipelines/scenes/scene.yaml", &super::common::scene_of_20_cells());
     let path = "my pipelines/small.yaml";
     assert_eq!(workspace.run(&["run", path, "--lock", "--quiet"]).code, Some(0));
     let said = export(
@@ -233,7 +233,8 @@ fn a_crate_holds_the_files_that_stages_read() {
     let workspace = Workspace::new();
     fs::create_dir_all(workspace.path("data")).unwrap();
     workspace.write("data/own.csv", &csv(|x, _| x < 20));
-    let own = format!("{SHORT}  own: {{ kind: patterns, files: [./data/own.csv] }}\n");
+    let short = SHORT.replace("cells: 20", "cells: 50");
+    let own = format!("{short}  own: {{ kind: patterns, files: [./data/own.csv] }}\n");
     workspace.write("own.yaml", &own);
     assert_eq!(workspace.run(&["run", "own.yaml", "--quiet"]).code, Some(0));
     let said = export(&workspace, &["own.yaml", "-o", "crate"]);
