@@ -68,9 +68,12 @@ test-all:
 	@.ci/install-missing test-all
 	DEAFLOW_READERS=all cargo test --locked
 
-# All tests are built here: the library and its own tests are compiled side by side so, and not one after the other.
-check: fmt clippy doc deny
-	cargo test --locked --no-run
+# All tests are built here: the library and its own tests are compiled side by side so, and not one after the other. Where
+# RUSTC_WORKSPACE_WRAPPER is .ci/rustc, lints and documentation are checked by that build; benches are built for this.
+WRAPPED := $(filter %.ci/rustc,$(RUSTC_WORKSPACE_WRAPPER))
+check: fmt $(if $(WRAPPED),,clippy doc) deny
+	@.ci/install-missing build
+	cargo test --locked --no-run $(if $(WRAPPED),--all-targets)
 	cargo test --locked --test it layering
 
 fmt:
@@ -87,7 +90,7 @@ doc:
 # The installed cargo-deny if there is one; else it is built once into target/tools.
 deny:
 	@tool=$$(command -v cargo-deny || echo target/tools/bin/cargo-deny); \
-	if [ ! -x "$$tool" ]; then cargo install --locked --debug --no-default-features --version 0.20.2 --root target/tools cargo-deny; fi; \
+	if [ ! -x "$$tool" ]; then env -u RUSTC_WORKSPACE_WRAPPER cargo install --locked --debug --no-default-features --version 0.20.2 --root target/tools cargo-deny; fi; \
 	"$$tool" check licenses bans sources
 
 bench:
