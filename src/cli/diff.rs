@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::arguments::{SetArguments, StoreArguments};
-use super::log::WIDTH;
+use super::log::{WIDTH, with_unit};
 use super::snapshot::{Snapshot, SnapshotReader};
 use super::text::Text;
 use super::{CliError, Exit, Output, csv, locate, table};
@@ -125,8 +125,6 @@ fn results(from: &Snapshot, to: &Snapshot) -> Vec<Change<f64>> {
         .results
         .keys()
         .chain(to.results.keys().filter(|name| !from.results.contains_key(*name)));
-    // NaN means unknown.
-    let known = |side: &Snapshot, name: &String| side.results.get(name).copied().filter(|value| value.is_finite());
     let mut changes: Vec<Change<f64>> = names
         .map(|name| Change {
             name: name.clone(),
@@ -137,6 +135,16 @@ fn results(from: &Snapshot, to: &Snapshot) -> Vec<Change<f64>> {
         .collect();
     changes.sort_by(|a, b| a.name.cmp(&b.name));
     changes
+}
+
+/// Returns a result of one side; NaN means unknown.
+fn known(side: &Snapshot, name: &str) -> Option<f64> {
+    side.results.get(name).copied().filter(|value| value.is_finite())
+}
+
+/// Returns the side that has a result.
+fn side_of<'a>(change: &Change<f64>, from: &'a Snapshot, to: &'a Snapshot) -> &'a Snapshot {
+    if change.from.is_some() { from } else { to }
 }
 
 fn document(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], results: &[Change<f64>]) -> Value {
@@ -192,7 +200,7 @@ fn text(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], result
             .flowing(&["parameter", "from", "to"])
             .at_most(WIDTH);
         let shown = |value: &Option<Canonical>| value.as_ref().map_or_else(|| "–".to_owned(), Canonical::to_string);
-        for (name, change) in together(parameters) {
+        for (name, change) in together(parameters, [from, to]) {
             table.add_row([name, shown(&change.from), shown(&change.to)]);
         }
         text.table(table);
@@ -201,20 +209,27 @@ fn text(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], result
     let (both, one): (Vec<&Change<f64>>, Vec<&Change<f64>>) = results
         .iter()
         .partition(|change| change.from.is_some() && change.to.is_some());
-    let number = |value: Option<f64>| value.map_or_else(|| "–".to_owned(), table::number);
+    let shown = |change: &Change<f64>, value: Option<f64>| {
+        let (_, result) = side_of(change, from, to).stage_and_result(&change.name);
+        value.map_or_else(|| "–".to_owned(), |value| with_unit(result, value))
+    };
     let (both, alike): (Vec<&Change<f64>>, Vec<&Change<f64>>) = both
         .into_iter()
-        .partition(|change| number(change.from) != number(change.to));
+        .partition(|change| shown(change, change.from) != shown(change, change.to));
+    let is_common = |name: &String| known(from, name).is_some() && known(to, name).is_some();
     if both.is_empty() && alike.is_empty() {
-        text.line("shared results are identical");
+        text.line(match from.results.keys().any(is_common) {
+            true => "shared results are identical",
+            false => "no common results",
+        });
     } else if !both.is_empty() {
         let mut table =
             table::table(&["result", "from", "to", "change"], &["from", "to", "change"]).flowing(&["result"]);
         for change in both {
             table.add_row([
                 change.name.clone(),
-                number(change.from),
-                number(change.to),
+                shown(change, change.from),
+                shown(change, change.to),
                 relative(change.from, change.to),
             ]);
         }
@@ -230,8 +245,8 @@ fn text(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], result
         ));
     }
     for (side, of) in [
-        ("the first", one_sided(&one, |change| change.from)),
-        ("the second", one_sided(&one, |change| change.to)),
+        ("the first", one_sided(&one, from, |change| change.from)),
+        ("the second", one_sided(&one, to, |change| change.to)),
     ] {
         if !of.is_empty() {
             text.line(format!("\nonly in {side}: {of}"));
@@ -245,9 +260,9 @@ fn text(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], result
     text
 }
 
-/// Combines equal changes of several entries of a list, such as several `units`, into one, named after the field of the
-/// pipeline.
-pub fn together(changes: &[Change<Canonical>]) -> Vec<(String, &Change<Canonical>)> {
+/// Combines equal changes of several entries of a list, such as several `units`, into one, named as the field is
+/// written in the pipeline of one of these sides. Of different changes of one field, that of most entries has its name.
+pub fn together<'a>(changes: &'a [Change<Canonical>], sides: [&Snapshot; 2]) -> Vec<(String, &'a Change<Canonical>)> {
     /// The path before and after the number, the numbers, and the first change.
     type Combined<'a> = (Option<[&'a str; 2]>, Vec<&'a str>, &'a Change<Canonical>);
     let mut combined: Vec<Combined<'_>> = Vec::new();
@@ -262,15 +277,16 @@ pub fn together(changes: &[Change<Canonical>]) -> Vec<(String, &Change<Canonical
             (_, parts) => combined.push((ends, parts.iter().map(|[_, number, _]| *number).collect(), change)),
         }
     }
-    let named = combined.into_iter().map(|(ends, numbers, change)| {
+    let written = |change: &Change<Canonical>| sides.iter().find_map(|side| side.written_as(&change.name));
+    let named = combined.iter().enumerate().map(|(at, (ends, numbers, change))| {
+        let is_less = |other: usize| (combined[other].1.len(), other) <= (numbers.len(), at);
+        let same = (0..combined.len()).filter(|other| ends.is_some() && combined[*other].0 == *ends);
+        let field = written(change).filter(|_| same.clone().all(is_less));
         let name = match (ends, numbers.as_slice()) {
-            (Some([before, "count"]), [_, _, ..]) if before.ends_with(".units") => {
-                format!("{}.count_per_units", before.trim_end_matches(".units"))
-            }
             (Some([before, after]), [_, _, ..]) => format!("{before}.{{{}}}.{after}", numbers.join(",")),
             _ => change.name.clone(),
         };
-        (name, change)
+        (field.unwrap_or(name), *change)
     });
     named.collect()
 }
@@ -290,10 +306,10 @@ fn of_list(path: &str) -> Option<[&str; 3]> {
 }
 
 /// Counts the results of only one side, by stage: `21 results of verified`.
-fn one_sided(changes: &[&Change<f64>], side: impl Fn(&Change<f64>) -> Option<f64>) -> String {
+fn one_sided(changes: &[&Change<f64>], of: &Snapshot, side: impl Fn(&Change<f64>) -> Option<f64>) -> String {
     let mut counts: BTreeMap<&str, u64> = BTreeMap::new();
     for change in changes.iter().filter(|change| side(change).is_some()) {
-        let stage = change.name.split_once('.').map_or("", |(stage, _)| stage);
+        let (stage, _) = of.stage_and_result(&change.name);
         *counts.entry(stage).or_default() += 1;
     }
     let each = counts
@@ -339,9 +355,17 @@ mod tests {
             change("stages.b.list.1.x", 50),
             change("stages.c.count", 50),
         ];
-        let names: Vec<String> = together(&changes).into_iter().map(|(name, _)| name).collect();
+        let mut of_pipeline = Snapshot::new("side".to_owned());
+        let family = |name: &str| Canonical::map([("family", Canonical::from(name))]);
+        let units = Canonical::map([("units", Canonical::map([("3", family("large-grid"))]))]);
+        of_pipeline.add_stage("a", "sample", Some(units));
+        of_pipeline.add_stage("c", "sample", Some(family("small-grid")));
+        let sides = [&side(&[]), &of_pipeline];
+        let names = |changes: &[Change<Canonical>]| -> Vec<String> {
+            together(changes, sides).into_iter().map(|(name, _)| name).collect()
+        };
         assert_eq!(
-            names,
+            names(&changes),
             [
                 "stages.a.count_per_units",
                 "stages.a.units.7.count",
@@ -349,6 +373,8 @@ mod tests {
                 "stages.c.count"
             ]
         );
+        // A single number of units has the same key.
+        assert_eq!(names(&changes[..1]), ["stages.a.count_per_units"]);
     }
 
     #[test]
@@ -368,6 +394,21 @@ mod tests {
         assert!(shown.contains("a.x") && !shown.contains("b.x"), "{shown}");
         assert!(shown.contains("only in the first: 2 results of b\n"), "{shown}");
         assert!(shown.ends_with("only in the second: 1 result of c"), "{shown}");
+        // Values have their units, and results that only one side has are not identical.
+        let moved = side(&[("a.max_displacement", 2.0), ("a.area", 0.5)]);
+        let (before, after) = (
+            side(&[("a.max_displacement", 1.0), ("a.area", 0.25)]),
+            side(&[("b.x", 1.0)]),
+        );
+        let shown = |from: &Snapshot, to: &Snapshot| text(from, to, &[], &results(from, to)).show(Screen::default());
+        let said = shown(&before, &moved);
+        assert!(said.contains("1 mm   2 mm") && said.contains("25 %   50 %"), "{said}");
+        let said = shown(&moved, &after);
+        assert!(
+            said.contains("no common results") && !said.contains("results are identical"),
+            "{said}"
+        );
+        assert!(shown(&moved, &moved).contains("shared results are identical"));
         // Differences below the displayed digits are counted.
         let (from, to) = (side(&[("a.x", 2.154_700_1)]), side(&[("a.x", 2.154_700_2)]));
         let found = results(&from, &to);

@@ -272,7 +272,7 @@ fn changed(runs: &[Run], store: &Store) -> Result<Vec<Vec<String>>, CliError> {
         // A stage that one of them did not reach does not count.
         changes.retain(|change| change.from.is_some() && change.to.is_some() && !is_set(change) && !is_added(change));
         let text = |value: &Option<Canonical>| value.as_ref().map_or_else(String::new, Canonical::to_string);
-        diff::together(&changes)
+        diff::together(&changes, [&snapshots[before], &snapshots[at]])
             .into_iter()
             .map(|(name, change)| format!("{name} from {} to {}", text(&change.from), text(&change.to)))
             .chain(unknown_changes(
@@ -360,8 +360,8 @@ fn describe(run: &Run, changed: &[String], removed: &RemovedArtifacts<'_>) -> St
     lines.join("\n")
 }
 
-/// Writes a result with its unit; shares in per cent.
-fn with_unit(name: &str, value: f64) -> String {
+/// Writes a result of a stage with its unit; shares in per cent.
+pub fn with_unit(name: &str, value: f64) -> String {
     let is_share = matches!(name.split('.').next(), Some("area" | "yield" | "failed"));
     match result_unit(name) {
         "1" if is_share => format!("{} %", table::number(100.0 * value)),

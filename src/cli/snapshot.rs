@@ -59,6 +59,38 @@ impl Snapshot {
         self.without_parameters().any(of_stage)
     }
 
+    /// Adds a stage.
+    pub fn add_stage(&mut self, name: &str, kind: &str, parameters: Option<Canonical>) {
+        self.stages.push((name.to_owned(), kind.to_owned(), parameters));
+    }
+
+    /// Splits the name of a result into its stage and the result. Names of stages may have dots.
+    pub fn stage_and_result<'n>(&self, name: &'n str) -> (&'n str, &'n str) {
+        let of = |stage: &str| {
+            let result = name.strip_prefix(stage)?.strip_prefix('.')?;
+            Some((&name[..stage.len()], result))
+        };
+        let found = self.stages.iter().filter_map(|(stage, ..)| of(stage));
+        found
+            .max_by_key(|(stage, _)| stage.len())
+            .or_else(|| name.split_once('.'))
+            .unwrap_or(("", name))
+    }
+
+    /// Returns the path of `--set` as it is written in a pipeline, where a parameter has another name.
+    pub fn written_as(&self, path: &str) -> Option<String> {
+        let of = |(name, kind, parameters): &(String, String, Option<Canonical>)| {
+            let own = path
+                .strip_prefix("stages.")?
+                .strip_prefix(name.as_str())?
+                .strip_prefix('.')?;
+            let kind = stage::registry().kinds.into_iter().find(|known| known.name() == kind)?;
+            let key = kind.written_as(own, parameters.as_ref()?)?;
+            Some(format!("stages.{name}.{key}"))
+        };
+        self.stages.iter().find_map(of)
+    }
+
     /// Returns all parameters by the paths of `--set`: `scene.drive.voltage` if it is the same for all stages that have
     /// it,
     /// otherwise `stages.NAME.scene.drive.voltage`.
@@ -193,9 +225,7 @@ impl<'a> SnapshotReader<'a> {
         snapshot.can_be_set = true;
         for (spec, report) in pipeline.stages.iter().zip(&reports) {
             let parameters = Some(spec.stage().parameters());
-            snapshot
-                .stages
-                .push((spec.name.clone(), spec.kind.name().to_owned(), parameters));
+            snapshot.add_stage(&spec.name, spec.kind.name(), parameters);
             match report.digest.filter(|_| report.why.is_none()) {
                 Some(digest) => self.results(&mut snapshot, &spec.name, &digest),
                 None => snapshot.unknown.push(format!("results of `{}`: not built", spec.name)),
@@ -249,7 +279,7 @@ impl<'a> SnapshotReader<'a> {
                 .unknown
                 .push(format!("parameters of `{name}` in {}: no record", snapshot.title));
         }
-        snapshot.stages.push((name.to_owned(), kind.to_owned(), parameters));
+        snapshot.add_stage(name, kind, parameters);
     }
 
     /// Reads the results of a stage from its artifact, if it exists.

@@ -95,6 +95,13 @@ pub trait Kind: Sync {
         &[]
     }
 
+    /// Returns the key of a pipeline that sets a canonical parameter, where that has another name than its `path` in
+    /// the `parameters` of a stage.
+    fn written_as(&self, path: &str, parameters: &Canonical) -> Option<&'static str> {
+        let _ = (path, parameters);
+        None
+    }
+
     /// Returns the results of a finished artifact as numbers by name, such as `max_displacement` or `rmse.physics`.
     /// They are written into the history of runs, compared between runs and collected in tables.
     ///

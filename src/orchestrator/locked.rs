@@ -6,7 +6,7 @@
 
 use super::lock_difference::LockDifference;
 use super::spec::{Pipeline, StageSpec};
-use super::staleness::{Current, Staleness};
+use super::staleness::{Current, Staleness, as_written};
 use deaflow_base::ArtifactId;
 use deaflow_store::{Action, LockFile, LockedStage, Record, Store, StoreError};
 
@@ -66,7 +66,11 @@ fn other_key(
     };
     let why = match store.record(&locked.key)?.record() {
         Some(then) => {
-            let reasons = Staleness::all_since(&current, Some(&then), None);
+            let reasons = as_written(
+                Staleness::all_since(&current, Some(&then), None),
+                spec.kind,
+                &parameters,
+            );
             let reasons: Vec<String> = reasons.iter().map(ToString::to_string).collect();
             reasons.join("; ")
         }

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::kind::Kind;
 use deaflow_base::{ArtifactId, Canonical, readable_time};
 use deaflow_store::{Condition, Record, Run};
 
@@ -100,6 +101,23 @@ impl Staleness {
     pub fn of_artifact(condition: &Condition) -> Option<Self> {
         artifact_missing(condition).or_else(|| artifact_damaged(condition))
     }
+}
+
+/// Names changed parameters as they are written in a pipeline. Of several changes with one key, such as those of each
+/// number of units, the last is kept.
+#[must_use]
+pub fn as_written(all: Vec<Staleness>, kind: &dyn Kind, parameters: &Canonical) -> Vec<Staleness> {
+    let mut named: Vec<Staleness> = Vec::with_capacity(all.len());
+    for mut reason in all {
+        if let Staleness::ParameterChanged { which, .. } = &mut reason
+            && let Some(key) = kind.written_as(which, parameters)
+        {
+            key.clone_into(which);
+            named.retain(|other| !matches!(other, Staleness::ParameterChanged { which, .. } if which == key));
+        }
+        named.push(reason);
+    }
+    named
 }
 
 fn parameters_changed(now: &Canonical, then: &Canonical) -> Vec<Staleness> {

@@ -34,6 +34,18 @@ impl Kind for SampleKind {
         &["family"]
     }
 
+    fn written_as(&self, path: &str, parameters: &Canonical) -> Option<&'static str> {
+        // The number of samples of each group is one key of the family.
+        let is_count = path == "count" || path.starts_with("units.") && path.ends_with(".count");
+        let leaves = parameters.leaves();
+        let is_family = |path: &str| path == "family" || path.starts_with("units.") && path.ends_with(".family");
+        let (_, family) = leaves.iter().find(|(path, _)| is_count && is_family(path))?;
+        let entry = FAMILIES
+            .iter()
+            .find(|entry| matches!(family, Canonical::Text(name) if name == entry.name()))?;
+        entry.keys().into_iter().find(|key| key.starts_with("count_"))
+    }
+
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
         results::of_samples(artifact)
     }

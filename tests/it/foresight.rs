@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
-use super::common::{Ended, SHORT, TINY, Transcript, Workspace, scene_file, snapshot, snapshots::without_numbers};
+use super::common::{
+    Ended, SHORT, SMALL, TINY, Transcript, Workspace, scene_file, snapshot, snapshots::without_numbers,
+};
 
 /// Designs of one target in two stages, and their verification.
 const TWO: &str = "version: 1
@@ -34,6 +36,30 @@ fn warnings(ended: &Ended) -> Vec<String> {
     let document = ended.json();
     let warnings = document["warnings"].as_array().unwrap().iter();
     warnings.map(|text| text.as_str().unwrap().to_owned()).collect()
+}
+
+#[test]
+fn a_changed_parameter_is_named_as_it_is_written() {
+    let workspace = Workspace::new();
+    workspace.write("small.yaml", SMALL);
+    workspace.stages(&["run", "small.yaml", "--until", "large"]);
+    let reason = |set: &str| {
+        let ended = plan(&workspace, "small.yaml", &[set]);
+        let document = ended.json();
+        let mut stages = document["stages"].as_array().unwrap().iter();
+        stages.find(|stage| stage["name"] == "large").unwrap()["reasons"].clone()
+    };
+    assert_eq!(
+        reason("stages.large.count_per_units=3"),
+        json!(["parameter changed: count_per_units from 2 to 3"])
+    );
+    workspace.write("small.yaml", &SMALL.replace("units: [2]", "units: [2, 3]"));
+    workspace.stages(&["run", "small.yaml", "--until", "large"]);
+    // Of 2 × 2 units there are 6 patterns.
+    assert_eq!(
+        reason("stages.large.count_per_units=9"),
+        json!(["parameter changed: count_per_units from 2 to 9"])
+    );
 }
 
 #[test]
