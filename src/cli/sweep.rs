@@ -37,7 +37,11 @@ pub struct SweepArguments {
     /// A single value overrides as in `run`
     #[arg(long = "set", value_name = "PATH=VALUES", required = true, help_heading = PIPELINE)]
     pub sets: Vec<String>,
-    /// Comma-separated results to collect: STAGE.RESULT, or RESULT of the last stage, named as in `deaflow log`
+    /// Stop after this stage, or all stages of its sweep
+    #[arg(long, value_name = "STAGE", help_heading = PIPELINE)]
+    pub until: Option<String>,
+    /// Comma-separated results to collect: STAGE.RESULT, or RESULT of the last stage or that of --until, named as in
+    /// `deaflow log`; with several last stages that have it, each is a column STAGE.RESULT
     #[arg(long, value_name = "RESULTS", value_delimiter = ',', help_heading = TABLES)]
     pub table: Vec<String>,
     /// Columns of a figure: x, y and, for one curve per value, a third
@@ -86,7 +90,7 @@ pub fn execute(arguments: &SweepArguments, output: &Output) -> Result<Exit, CliE
     let of = PipelineArguments {
         pipeline: arguments.pipeline.clone(),
         store: arguments.store.clone(),
-        until: (!arguments.table.is_empty()).then(|| sweep.table.clone()),
+        until: sweep.until(),
         set: SetArguments {
             sets: Vec::new(),
             many: arguments.many,
@@ -317,23 +321,44 @@ impl<'a> SweepPlan<'a> {
         sets.iter().map(|set| Ok(Override::parse(set)?)).collect()
     }
 
+    /// Returns the stage after which the run stops: the table needs what is collected, and the stage of `--until`.
+    fn until(&self) -> Option<String> {
+        match self.arguments.until.as_deref() {
+            // The run reports a stage that does not exist.
+            Some(until) if self.arguments.table.is_empty() || !self.has_stage(until) => Some(until.to_owned()),
+            _ => (!self.arguments.table.is_empty()).then(|| self.table.clone()),
+        }
+    }
+
+    fn has_stage(&self, name: &str) -> bool {
+        self.stages().iter().any(|(known, _)| *known == name)
+    }
+
     /// Returns the override that adds the stage that collects the results.
     fn table_stage(&self) -> Result<String, CliError> {
-        let results: Vec<&str> = self.arguments.table.iter().map(|name| name.trim()).collect();
-        let names: BTreeSet<&str> = self.stages().into_iter().map(|(name, _)| name).collect();
+        let last = match self.arguments.until.as_deref().filter(|until| self.has_stage(until)) {
+            Some(until) => vec![until],
+            None => self.last_stages(),
+        };
         let mut needs: Vec<&str> = Vec::new();
-        for result in &results {
-            let named = result
-                .split_once('.')
-                .map(|(stage, _)| stage)
-                .filter(|stage| names.contains(stage));
-            let stages = named.map_or_else(|| self.last_stages(), |stage| vec![stage]);
-            for stage in stages {
-                if !needs.contains(&stage) {
-                    needs.push(stage);
-                }
+        let mut results: Vec<String> = Vec::new();
+        for result in self.arguments.table.iter().map(|name| name.trim()) {
+            let named = result.split_once('.').filter(|(stage, _)| self.has_stage(stage));
+            needs.extend(named.map_or_else(|| last.clone(), |(stage, _)| vec![stage]));
+            let having: Vec<&str> = last
+                .iter()
+                .copied()
+                .filter(|stage| self.may_have(stage, result))
+                .collect();
+            match having[..] {
+                // Each column says of which stage it is.
+                [_, _, ..] if named.is_none() => results.extend(having.iter().map(|stage| format!("{stage}.{result}"))),
+                _ => results.push(result.to_owned()),
             }
         }
+        needs.extend(last.iter().filter(|_| self.arguments.until.is_some()));
+        let mut seen = BTreeSet::new();
+        needs.retain(|stage| seen.insert(*stage));
         let quoted = |words: &[&str]| {
             words
                 .iter()
@@ -345,7 +370,8 @@ impl<'a> SweepPlan<'a> {
         columns.extend(
             results
                 .iter()
-                .filter(|result| !self.names.iter().any(|name| name == *result)),
+                .map(String::as_str)
+                .filter(|result| !self.names.iter().any(|name| name == result)),
         );
         let plot = match &self.arguments.plot[..] {
             [] => String::new(),
@@ -372,6 +398,15 @@ impl<'a> SweepPlan<'a> {
         entries
             .filter_map(|(key, node)| Some((key.text("a name").ok()?, node)))
             .collect()
+    }
+
+    /// Whether a stage of the file may have a result, by its kind.
+    fn may_have(&self, name: &str, result: &str) -> bool {
+        let stages = self.stages();
+        let found = stages.iter().find(|(known, _)| *known == name);
+        let kind = found.and_then(|(_, node)| node.peek("kind")?.text("kind").ok());
+        let word = result.split('.').next().unwrap_or(result);
+        kind.is_some_and(|kind| stage::result_words(kind).contains(&word))
     }
 
     /// Returns the stages that no other stage needs. Tables do not count: they have no results.

@@ -4,7 +4,7 @@ use std::fs;
 
 use serde_json::{Value, json};
 
-use super::common::{Transcript, Workspace, snapshot};
+use super::common::{SHORT, Transcript, Workspace, snapshot};
 
 const SWEEP: &str = r#"version: 1
 name: sweep
@@ -231,6 +231,52 @@ fn a_pipeline_is_swept_without_editing_it() {
         printed.add(arguments.join(" "), ended);
     }
     snapshot!(printed);
+}
+
+#[test]
+fn a_sweep_ends_with_a_stage_and_names_the_results_of_several_by_stage() {
+    let workspace = Workspace::new();
+    let plain = SHORT.replace(
+        "solved: {",
+        "fine: { kind: solve, needs: [small], elements_per_cell: 2 }\n  solved: {",
+    );
+    workspace.write("plain.yaml", &plain);
+    let sweep = |more: &[&str]| {
+        let given = [
+            "sweep",
+            "plain.yaml",
+            "--set",
+            "scene.drive.voltage=3 kV, 4 kV",
+            "--set",
+            "stages.small.count=2",
+        ];
+        workspace.run(&[&given[..], more].concat())
+    };
+    let table = |more: &[&str]| {
+        let ended = sweep(&[&["--csv", "--table", "max_displacement"], more].concat());
+        assert_eq!(ended.code, Some(0), "{ended}");
+        ended.stdout.lines().map(str::to_owned).collect::<Vec<_>>()
+    };
+    let both = table(&[]);
+    assert_eq!(both[0], "voltage,fine.max_displacement,solved.max_displacement");
+    let cells: Vec<&str> = both[1].split(',').collect();
+    assert!(cells.len() == 3 && cells[1] != cells[2], "{both:?}");
+    let one = table(&["--until", "fine"]);
+    assert_eq!(one[0], "voltage,max_displacement");
+    assert_eq!(one[1], format!("3000,{}", cells[1]));
+    // The stage is built too where the table does not collect its results.
+    let ended = sweep(&["--json", "--table", "solved.samples", "--until", "fine"]);
+    let stages = ended.json()["stages"].clone();
+    let is_fine = |stage: &Value| stage["name"] == "fine@voltage=3kV";
+    assert!(stages.as_array().unwrap().iter().any(is_fine), "{stages}");
+    let stages = sweep(&["--json", "--until", "small"]).json()["stages"].clone();
+    let is_small = |stage: &Value| stage["name"].as_str().is_some_and(|name| name.starts_with("small"));
+    assert!(stages.as_array().unwrap().iter().all(is_small), "{stages}");
+    for more in [&["--until", "fien"][..], &["--table", "samples", "--until", "fien"]] {
+        let ended = sweep(more);
+        assert_eq!(ended.code, Some(2), "{ended}");
+        assert!(ended.stderr.contains("no stage `fien`"), "{ended}");
+    }
 }
 
 #[test]
