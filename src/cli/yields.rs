@@ -10,14 +10,14 @@ use super::point::{PointArguments, Probe};
 use super::progress::Bar;
 use super::text::Text;
 use super::{CliError, Exit, Output, csv, table, write};
-use deaflow_base::{Dimension, Progress, Quantity, four_digits, is_interrupted};
+use deaflow_base::{Dimension, Length, Progress, four_digits, is_interrupted};
 use deaflow_fem::SolveOptions;
 use deaflow_fem::screening::resolve;
 use deaflow_field::{Mesh, Order};
 use deaflow_pattern::{DrawingOptions, Pattern};
 use deaflow_stage::direct;
 use deaflow_tolerance::{
-    Device, Estimate, Failure, MOST_SAMPLES, Quantile, Source, Study, ToleranceError, Yield, share_within,
+    Device, Estimate, Failure, MOST_SAMPLES, Quantile, Source, Study, ToleranceError, Wanted, Yield, share_within,
 };
 
 /// Shares of the variance below this are not listed for people.
@@ -37,9 +37,9 @@ pub struct YieldArguments {
     pub patterns: Vec<String>,
     #[command(flatten)]
     point: PointArguments,
-    /// The displacement that a device has to reach, as in "2 mm"
-    #[arg(long, value_name = "LENGTH", value_parser = length, allow_hyphen_values = true)]
-    wanted: Option<Quantity>,
+    /// The displacement that a device has to reach, as in "2 mm", or "90 %" of that of the pattern as drawn
+    #[arg(long, value_name = "LENGTH|SHARE", value_parser = wanted, allow_hyphen_values = true)]
+    wanted: Option<Wanted>,
     /// Number of devices
     #[arg(long, value_name = "N", default_value = "1000", value_parser = integer::<u32>(2..=u64::from(MOST_SAMPLES)))]
     samples: u32,
@@ -68,8 +68,12 @@ pub struct YieldArguments {
     pub state: StateArguments,
 }
 
-fn length(text: &str) -> Result<Quantity, String> {
-    quantity(text, Dimension::Length)
+fn wanted(text: &str) -> Result<Wanted, String> {
+    if let Some(share) = Wanted::percentage(text) {
+        return share;
+    }
+    let length = Length::from_base(quantity(text, Dimension::Length)?.base());
+    Ok(Wanted::Length(length))
 }
 
 fn share(text: &str) -> Result<f64, String> {
@@ -86,6 +90,8 @@ fn share(text: &str) -> Result<f64, String> {
 struct Found {
     file: String,
     nominal: Option<f64>,
+    /// The displacement that devices have to reach, mm.
+    wanted_mm: Option<f64>,
     devices: Vec<Device>,
     result: Yield,
 }
@@ -157,8 +163,20 @@ impl YieldArguments {
         SolveOptions::on(Mesh::new(self.elements_per_cell as usize, order))
     }
 
-    fn wanted_mm(&self) -> Option<f64> {
-        self.wanted.map(|wanted| wanted.value())
+    /// Returns the displacement that devices of a pattern have to reach, mm.
+    ///
+    /// # Errors
+    /// When it is a share of a displacement against the direction.
+    fn wanted_mm(&self, file: &str, nominal: Option<f64>) -> Result<Option<f64>, CliError> {
+        let Some(wanted) = self.wanted else { return Ok(None) };
+        match (wanted.in_mm(nominal), nominal) {
+            (None, Some(mm)) => Err(CliError::bad_input(format!(
+                "--wanted {wanted}: {file} moves by {} mm as drawn, of which no share can be reached",
+                four_digits(mm)
+            ))
+            .help("choose the --direction along which the point moves, or give a length")),
+            (mm, _) => Ok(mm),
+        }
     }
 }
 
@@ -171,6 +189,7 @@ fn of_pattern(
     probe: &Probe,
 ) -> Result<Found, CliError> {
     let nominal = study.nominal(pattern)?.ok().map(|fields| probe.of(&fields[0]));
+    let wanted_mm = arguments.wanted_mm(&file, nominal)?;
     let mut samples = arguments.samples;
     let mut devices: Vec<Device> = Vec::new();
     loop {
@@ -182,12 +201,13 @@ fn of_pattern(
         if is_interrupted() {
             return Err(CliError::stopped("stopped before all devices were simulated"));
         }
-        let result = Yield::of(&devices, &study.varying(), arguments.wanted_mm());
+        let result = Yield::of(&devices, &study.varying(), wanted_mm);
         let is_wide = arguments.within.is_some_and(|within| half_width(&result) > within);
         if samples == MOST_SAMPLES || !is_wide {
             return Ok(Found {
                 file,
                 nominal,
+                wanted_mm,
                 devices,
                 result,
             });
@@ -253,9 +273,12 @@ fn text(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Text {
             mm(&result.deviation),
         ];
         row.extend(result.quantiles.iter().map(quantile));
-        row.extend(result.reached.as_ref().map(|reached| {
-            let [low, high] = reached.interval;
-            format!("{} ({} to {})", percent(reached.value), percent(low), percent(high))
+        row.extend(wanted.as_ref().map(|_| match &result.reached {
+            Some(Estimate {
+                value,
+                interval: [low, high],
+            }) => format!("{} ({} to {})", percent(*value), percent(*low), percent(*high)),
+            None => "-".to_owned(),
         }));
         row.push(percent(result.failed() as f64 / result.samples as f64));
         overview.add_row(row);
@@ -279,6 +302,10 @@ fn text(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Text {
             ),
         };
         text.line(format!("{}: {} devices{variance}", one.file, result.samples));
+        let share = arguments.wanted.filter(|wanted| wanted.share().is_some());
+        if let Some(wanted) = share {
+            text.line(format!("{}: wanted {}", one.file, wanted.described(one.nominal)));
+        }
         if arguments.within.is_some_and(|within| half_width(result) > within) {
             let known = percent(half_width(result));
             text.line(format!(
@@ -318,6 +345,7 @@ fn document(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Value
             "file": one.file,
             "samples": result.samples,
             "as_drawn_mm": one.nominal,
+            "wanted_mm": one.wanted_mm,
             "mean_mm": result.mean,
             "standard_deviation_mm": result.deviation,
             "quantiles_mm": result.quantiles,
@@ -328,7 +356,8 @@ fn document(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Value
     };
     json!({
         "along": probe.document(),
-        "wanted_mm": arguments.wanted_mm(),
+        "wanted_mm": arguments.wanted.and_then(Wanted::length_mm),
+        "wanted_share": arguments.wanted.and_then(Wanted::share),
         "seed": arguments.seed,
         "table": arguments.output,
         "patterns": found.iter().enumerate().map(of_one).collect::<Vec<_>>(),

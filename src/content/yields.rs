@@ -29,6 +29,8 @@ arrays! {
         tolerances: Tolerances = attribute("tolerances"),
         /// The displacement that devices have to reach in mm, if there is one.
         wanted: Option<f64> = attribute("wanted_mm"),
+        /// The same as a share of the displacement of each pattern as drawn.
+        wanted_share: Option<f64> = attribute("wanted_share"),
     }
 }
 

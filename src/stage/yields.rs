@@ -22,7 +22,7 @@ use deaflow_pattern::{Pattern, Role};
 use deaflow_scene::{Effects, Scene, Tolerances};
 use deaflow_store::{Artifact, Object};
 use deaflow_tolerance::{
-    CONVERGED, Device, Failure, MOST_SAMPLES, Source, Study, ToleranceError, Yield, check_tolerances,
+    CONVERGED, Device, Failure, MOST_SAMPLES, Source, Study, ToleranceError, Wanted, Yield, check_tolerances,
 };
 
 /// Largest number of devices of one key.
@@ -36,8 +36,8 @@ parameters! {
     struct YieldParameters as "a yield stage" {
         /// Number of devices of each pattern.
         samples: u64 [2..=u64::from(MOST_SAMPLES)] = 1000,
-        /// The displacement that a device has to reach.
-        wanted: Option<Length> [-1e6..=1e6],
+        /// The displacement that a device has to reach, or a share of that of the pattern as drawn, such as `90 %`.
+        wanted: Option<Wanted>,
         /// The point whose displacement counts, such as [25 mm, 25 mm]; by default the objective of each design counts.
         point: Option<[Length; 2]> [0.0..=1e4],
         /// The direction along which it counts, counterclockwise from the x axis.
@@ -433,6 +433,7 @@ impl Stage for YieldStage {
             effects: Some(effects.clone()),
             tolerances: self.tolerances.clone(),
             wanted: None,
+            wanted_share: None,
         };
         // A step is a device of all patterns.
         let simulated = AtomicU64::new(0);
@@ -470,8 +471,10 @@ impl Stage for YieldStage {
     }
 
     fn attributes(&self) -> Vec<(String, String)> {
-        let wanted = self.parameters.wanted.as_ref();
-        let wanted = wanted.map(|wanted| ("wanted_mm".to_owned(), wanted.value().to_string()));
+        let wanted = self.parameters.wanted.map(|wanted| match wanted {
+            Wanted::Length(length) => ("wanted_mm".to_owned(), length.value().to_string()),
+            Wanted::Share(share) => ("wanted_share".to_owned(), share.to_f64().to_string()),
+        });
         let always = [
             ("scene".to_owned(), self.scene.to_text()),
             ("tolerances".to_owned(), self.tolerances.to_text()),
@@ -499,10 +502,11 @@ fn result_name(design: &DesignDevices) -> String {
 fn yields_of(artifact: &Artifact) -> Result<Vec<(DesignDevices, Yield)>, StageError> {
     let view = Yields::open(artifact)?;
     let varying = Source::varying(&view.tolerances().read()?);
-    let wanted = view.wanted().read()?;
+    let wanted = Wanted::of_stored(view.wanted().read()?, view.wanted_share().read()?);
     let of_one = |design: DesignDevices| {
         let devices = Device::of_rows(&design.outcome, &design.displacement, &design.deviations);
         let devices = devices.ok_or_else(|| StageError::in_artifact(artifact, "its devices have unknown outcomes"))?;
+        let wanted = wanted.and_then(|wanted| wanted.in_mm(design.drawn));
         let result = Yield::of(&devices, &varying, wanted);
         Ok((design, result))
     };

@@ -14,9 +14,11 @@ mod statistics;
 mod study;
 #[cfg(test)]
 mod tests;
+mod wanted;
 
 pub use device::Source;
 pub use error::ToleranceError;
 pub use sampling::MOST_SAMPLES;
 pub use statistics::{Estimate, Quantile, Yield, share_within};
 pub use study::{CONVERGED, Device, Failure, Study, check_tolerances};
+pub use wanted::Wanted;

@@ -92,17 +92,53 @@ fn a_yield_has_intervals_and_does_not_depend_on_threads() {
 }
 
 #[test]
+fn a_share_of_the_displacement_as_drawn_is_wanted() {
+    let workspace = workspace();
+    let options = ["--samples", "40", "--json", "--wanted"];
+    let of = |wanted: &str| {
+        let ended = yields(&workspace, &[&options[..], &[wanted]].concat());
+        assert_eq!(ended.code, Some(0), "{ended}");
+        ended.json()
+    };
+    let share = of("90 %");
+    let (drawn, wanted) = (&share["patterns"][0]["as_drawn_mm"], &share["patterns"][0]["wanted_mm"]);
+    assert!(
+        (number(wanted) - 0.9 * number(drawn)).abs() < 1e-12,
+        "{wanted} of {drawn}"
+    );
+    assert_eq!(
+        (&share["wanted_share"], &share["wanted_mm"]),
+        (&Value::from(0.9), &Value::Null)
+    );
+    let length = of(&format!("{wanted} mm"));
+    assert_eq!(length["patterns"][0]["yield"], share["patterns"][0]["yield"]);
+    let told = yields(&workspace, &["--samples", "40", "--wanted", "90 %"]).stdout;
+    let line = format!("wanted 90 % of {:.3} mm = {:.3} mm", number(drawn), number(wanted));
+    assert!(told.contains(&line) && told.contains("reach 90 %"), "{told}");
+    // Against the direction of the motion.
+    let against = ["--wanted", "90 %", "--direction", "180"];
+    let first = ["yield", "scene.yaml", "half.csv", "--point", "25,25"];
+    let refused = workspace.run(&[&first[..], &against].concat());
+    assert_eq!(refused.code, Some(2), "{refused}");
+    assert!(refused.stderr.contains("--direction"), "{refused}");
+}
+
+#[test]
 fn what_a_yield_needs_is_said() {
     let workspace = workspace();
     workspace.write("bare.yaml", SCENE);
     let point: [&str; 2] = ["--point", "25,25"];
     let with = |first: &[&'static str], more: &[&'static str]| [&["yield"], first, &["half.csv"], more].concat();
-    let cases: [(Vec<&str>, &str); 8] = [
+    let cases: [(Vec<&str>, &str); 9] = [
         (with(&["bare.yaml"], &point), "no device differs from another"),
         (with(&["scene.yaml"], &[]), "--point"),
         (
             with(&["scene.yaml"], &["--point", "25,25", "--samples", "1"]),
             "2 to 65536",
+        ),
+        (
+            with(&["scene.yaml"], &["--point", "25,25", "--wanted", "120 %"]),
+            "from 0 % to 100 %",
         ),
         (
             with(&["scene.yaml"], &["--point", "25,25", "--within", "0.1"]),
@@ -207,6 +243,17 @@ fn a_stage_has_the_numbers_of_the_command_and_simulates_only_new_devices() {
     let lower = run(&workspace, &["--set", "stages.made.wanted=1.9 mm"]);
     assert_eq!(pieces(&lower), 0, "{}", made(&lower));
     assert!(number(&lower["yields"][0]["designs"][0]["yield"]["value"]) > number(&found["yield"]["value"]));
+    // A share of the displacement as drawn.
+    let share = run(&workspace, &["--set", "stages.made.wanted=90 %"]);
+    assert_eq!(pieces(&share), 0, "{}", made(&share));
+    let of_command = ["--json", "--wanted", "90 %", "--samples", "600", "--seed", "1"];
+    let of_command = yields(&workspace, &of_command).json()["patterns"][0].clone();
+    assert_eq!(share["yields"][0]["designs"][0]["yield"], of_command["yield"]);
+    assert_eq!(share["yields"][0]["wanted_share"], 0.9);
+    let told = workspace.run(&["run", "made.yaml", "--set", "stages.made.wanted=90 %"]);
+    assert!(told.stdout.contains("of the devices reach 90 % of "), "{told}");
+    let refused = workspace.run(&["plan", "made.yaml", "--set", "stages.made.wanted=110 %"]);
+    assert!(refused.stderr.contains("from 0 % to 100 %"), "{refused}");
     let more = run(&workspace, &["--set", "stages.made.samples=1200"]);
     assert_eq!(pieces(&more), 2, "the second half and a third piece: {}", made(&more));
     // The tolerances of the stage replace those of the scene.

@@ -12,6 +12,8 @@ pub struct DesignYields {
     pub devices: usize,
     /// Displacements in mm of those that do not fail.
     pub displacements: Vec<f64>,
+    /// The displacement in mm that they have to reach.
+    pub wanted_mm: Option<f64>,
     /// Shares of the variance by the name of the tolerance.
     pub shares: Vec<(&'static str, f64)>,
 }
@@ -27,8 +29,8 @@ const WIDTH: f64 = 0.7;
 ///
 /// # Errors
 /// If there is no device that does not fail, or a displacement is not finite.
-pub fn yields_sheet(designs: &[DesignYields], wanted: Option<f64>) -> Result<Sheet, FigureError> {
-    let charts = [Some(reached_chart(designs, wanted)?), shares(designs)];
+pub fn yields_sheet(designs: &[DesignYields]) -> Result<Sheet, FigureError> {
+    let charts = [Some(reached_chart(designs)?), shares(designs)];
     let charts = charts.into_iter().flatten().map(|chart| chart.with_size(SIZE));
     Ok(Sheet::below(charts.map(|chart| Sheet::charts(1, &[chart])).collect()))
 }
@@ -37,7 +39,7 @@ pub fn yields_sheet(designs: &[DesignYields], wanted: Option<f64>) -> Result<She
 ///
 /// # Errors
 /// As [`yields_sheet`].
-pub(crate) fn reached_chart(designs: &[DesignYields], wanted: Option<f64>) -> Result<Chart, FigureError> {
+pub(crate) fn reached_chart(designs: &[DesignYields]) -> Result<Chart, FigureError> {
     let all = || designs.iter().flat_map(|design| &design.displacements);
     if all().next().is_none() || !all().all(|mm| mm.is_finite()) {
         return Err(FigureError::Data(
@@ -48,8 +50,13 @@ pub(crate) fn reached_chart(designs: &[DesignYields], wanted: Option<f64>) -> Re
     let margin = (0.02 * (high - low)).max(1e-6);
     // A displacement that is far from all devices would leave no room for these.
     let is_near = |mm: &f64| (low - (high - low)..=high + (high - low)).contains(mm);
-    let wanted = wanted.filter(is_near);
-    let ends = [low, high].into_iter().chain(wanted);
+    let mut wanted: Vec<(f64, &str)> = Vec::new();
+    for design in designs {
+        let mm = design.wanted_mm.filter(is_near);
+        let mm = mm.filter(|mm| wanted.iter().all(|(other, _)| other != mm));
+        wanted.extend(mm.map(|mm| (mm, design.name.as_str())));
+    }
+    let ends = [low, high].into_iter().chain(wanted.iter().map(|(mm, _)| *mm));
     let (low, high) = ends.fold((low, high), |(low, high), mm| (low.min(mm), high.max(mm)));
     let curve = |(design, colour): (&DesignYields, Colour)| {
         let mut sorted = design.displacements.clone();
@@ -66,7 +73,14 @@ pub(crate) fn reached_chart(designs: &[DesignYields], wanted: Option<f64>) -> Re
         Series::new(&design.name, colour, Mark::Line, points)
     };
     let mut series: Vec<Series> = Series::coloured(designs).map(curve).collect();
-    series.extend(wanted.map(|mm| Series::new("wanted", Colour::Grey, Mark::Line, vec![(mm, 0.0), (mm, 100.0)])));
+    let is_common = wanted.len() == 1;
+    series.extend(wanted.into_iter().map(|(mm, design)| {
+        let name = match is_common {
+            true => "wanted".to_owned(),
+            false => format!("wanted of {design}"),
+        };
+        Series::new(&name, Colour::Grey, Mark::Line, vec![(mm, 0.0), (mm, 100.0)])
+    }));
     let axes = [
         Axis::linear("Displacement [mm]", low - margin, high + margin),
         Axis::linear("Devices that reach it [%]", 0.0, 100.0),

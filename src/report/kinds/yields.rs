@@ -15,7 +15,7 @@ use crate::presenter::{Figures, Headline, Presenter, Results};
 use crate::summary::design_title;
 use deaflow_content::{DesignDevices, Yields};
 use deaflow_pattern::Role;
-use deaflow_tolerance::{Device, Estimate, Quantile, Source, Yield, share_within};
+use deaflow_tolerance::{Device, Estimate, Quantile, Source, Wanted, Yield, share_within};
 
 /// Presents yield stages.
 pub struct YieldPresenter;
@@ -34,6 +34,9 @@ struct Found {
     stage: String,
     /// The displacement that devices have to reach in mm.
     wanted_mm: Option<f64>,
+    /// The same as a share of the displacement of each pattern as drawn.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    wanted_share: Option<f64>,
     /// Each design.
     designs: Vec<OfDesign>,
 }
@@ -44,6 +47,12 @@ struct OfDesign {
     title: String,
     /// Displacement of the pattern as drawn in mm.
     as_drawn_mm: Option<f64>,
+    /// What devices have to reach, in words.
+    #[serde(skip)]
+    wanted: Option<String>,
+    /// The same in mm.
+    #[serde(skip)]
+    wanted_mm: Option<f64>,
     /// Number of devices.
     samples: usize,
     mean_mm: Option<Estimate>,
@@ -87,20 +96,20 @@ fn read(source: &ArtifactReader<'_>) -> Result<Found, ReportError> {
 fn read_where(source: &ArtifactReader<'_>, is_read: impl Fn(&DesignDevices) -> bool) -> Result<Found, ReportError> {
     let view = source.of(Yields::open(source.artifact))?;
     let varying = Source::varying(&source.of(view.tolerances().read())?);
-    let wanted_mm = source.of(view.wanted().read())?;
+    let [mm, share] = [view.wanted().read(), view.wanted_share().read()];
+    let wanted = Wanted::of_stored(source.of(mm)?, source.of(share)?);
     let of_one = |design: DesignDevices| {
         let devices = Device::of_rows(&design.outcome, &design.displacement, &design.deviations);
         let devices = devices.ok_or_else(|| source.wrong("its devices have unknown outcomes"))?;
-        Ok(OfDesign::new(
-            &design,
-            &devices,
-            &Yield::of(&devices, &varying, wanted_mm),
-        ))
+        let wanted_mm = wanted.and_then(|wanted| wanted.in_mm(design.drawn));
+        let result = Yield::of(&devices, &varying, wanted_mm);
+        Ok(OfDesign::new(&design, &devices, &result, wanted))
     };
     let designs = source.of(view.designs())?.into_iter().filter(is_read).map(of_one);
     Ok(Found {
         stage: source.stage.stage.clone(),
-        wanted_mm,
+        wanted_mm: wanted.and_then(Wanted::length_mm),
+        wanted_share: wanted.and_then(Wanted::share),
         designs: designs.collect::<Result<_, ReportError>>()?,
     })
 }
@@ -123,7 +132,7 @@ pub(crate) fn devices_of(run: &RunArtifacts<'_>, design: &Design) -> Result<Vec<
     let line = |found: &Found, design: &OfDesign| {
         let mut parts = vec![design.spread()];
         parts.extend(design.quantile(LOW));
-        parts.extend(found.wanted_mm.map(|_| design.main(found.wanted_mm)));
+        parts.extend(design.wanted.as_ref().map(|_| design.main()));
         parts.extend(design.described.iter().cloned());
         format!("{}, {} devices: {}", found.stage, design.samples, parts.join("; "))
     };
@@ -134,7 +143,7 @@ pub(crate) fn devices_of(run: &RunArtifacts<'_>, design: &Design) -> Result<Vec<
 }
 
 impl OfDesign {
-    fn new(design: &DesignDevices, devices: &[Device], result: &Yield) -> Self {
+    fn new(design: &DesignDevices, devices: &[Device], result: &Yield, wanted: Option<Wanted>) -> Self {
         let mut ordered: Vec<(&'static str, f64)> = result
             .shares
             .iter()
@@ -144,6 +153,8 @@ impl OfDesign {
         Self {
             title: design_title(&design.case, &design.name, design.member, design.role),
             as_drawn_mm: design.drawn,
+            wanted: wanted.map(|wanted| wanted.described(design.drawn)),
+            wanted_mm: wanted.and_then(|wanted| wanted.in_mm(design.drawn)),
             samples: result.samples,
             mean_mm: result.mean,
             standard_deviation_mm: result.deviation,
@@ -170,12 +181,12 @@ impl OfDesign {
     }
 
     /// Describes which share reaches the displacement, or what the devices do without one.
-    fn main(&self, wanted_mm: Option<f64>) -> String {
-        match (&self.reached, wanted_mm) {
+    fn main(&self) -> String {
+        match (&self.reached, &self.wanted) {
             (Some(reached), Some(wanted)) => {
                 let [low, high] = reached.interval.map(percents);
                 let share = percents(reached.value);
-                format!("{share} ({low} to {high}) of the devices reach {wanted} mm")
+                format!("{share} ({low} to {high}) of the devices reach {wanted}")
             }
             _ => format!("{} of the devices", self.spread()),
         }
@@ -217,9 +228,9 @@ impl OfDesign {
         (!words.is_empty()).then(|| words.join(", "))
     }
 
-    fn line(&self, wanted_mm: Option<f64>) -> String {
-        let mut parts = vec![self.main(wanted_mm)];
-        if wanted_mm.is_some() {
+    fn line(&self) -> String {
+        let mut parts = vec![self.main()];
+        if self.reached.is_some() {
             parts.push(self.spread());
         }
         parts.extend(self.as_drawn_mm.map(|drawn| format!("as drawn {} mm", mm(drawn))));
@@ -244,7 +255,7 @@ fn describe(result: &Yield) -> Vec<String> {
 
 impl Found {
     fn lines(&self) -> Vec<String> {
-        self.designs.iter().map(|design| design.line(self.wanted_mm)).collect()
+        self.designs.iter().map(OfDesign::line).collect()
     }
 
     /// Returns the best design of each target, of those that a search found if there are any: that of which most
@@ -274,6 +285,7 @@ impl Found {
             name: design.title.clone(),
             devices: design.samples,
             displacements: design.displacements.clone(),
+            wanted_mm: design.wanted_mm,
             shares: design.ordered.clone(),
         });
         drawn.collect()
@@ -338,7 +350,7 @@ impl Presenter for YieldPresenter {
         let line = |found: &Found, best: &OfDesign| {
             let decisive = best.ordered.first().filter(|(_, share)| *share >= LISTED);
             let decisive = decisive.map(|(name, share)| format!("{name} makes {} of the variance", percents(*share)));
-            let parts: Vec<String> = [best.main(found.wanted_mm)]
+            let parts: Vec<String> = [best.main()]
                 .into_iter()
                 .chain(decisive)
                 .chain(best.described.iter().cloned())
@@ -367,7 +379,7 @@ impl Presenter for YieldPresenter {
             let charts = match drawn.is_empty() {
                 true => Vec::new(),
                 // The table has the shares of the variance.
-                false => vec![source.drawn(reached_chart(&drawn, found.wanted_mm))?],
+                false => vec![source.drawn(reached_chart(&drawn))?],
             };
             Ok((found, charts))
         })?;
@@ -378,7 +390,8 @@ impl Presenter for YieldPresenter {
                  Devices that fail do not reach the displacement, and have no part in mean and deviation.",
             );
             page.part(&found.stage);
-            let wanted = found.wanted_mm.map(|wanted| format!("Wanted: {wanted} mm. "));
+            let wanted = Wanted::of_stored(found.wanted_mm, found.wanted_share);
+            let wanted = wanted.map(|wanted| format!("Wanted: {}. ", wanted.described(None)));
             let devices = found.designs.first().map_or(0, |design| design.samples);
             page.line(&format!(
                 "{}{devices} devices of each design.",
@@ -400,6 +413,6 @@ impl Presenter for YieldPresenter {
 fn figure(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportError> {
     let found = read(source)?;
     let drawn = found.drawn();
-    let sheet = (!drawn.is_empty()).then(|| yields_sheet(&drawn, found.wanted_mm));
+    let sheet = (!drawn.is_empty()).then(|| yields_sheet(&drawn));
     sheet.map(|sheet| source.drawn(sheet)).transpose()
 }

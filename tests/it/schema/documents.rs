@@ -136,7 +136,7 @@ stages:
     tolerances: { voltage: 1 %, shear_modulus: { relative: 5 %, distribution: lognormal },
       thickness: { relative: 3 %, distribution: normal }, mask: 0.1 mm, misregistration: [0.1 mm, 0.1 mm],
       lost_cells: 0.2 % }, scene: { from: law } }
-  masks: { kind: yield, needs: [own], point: [25 mm, 25 mm], direction: 0 deg, seed: 1,
+  masks: { kind: yield, needs: [own], point: [25 mm, 25 mm], direction: 0 deg, wanted: 90 %, seed: 1,
     tolerances: { voltage: { relative: 1 %, distribution: normal }, shear_modulus: 5 %, thickness: 3 %,
       misregistration: 0.1 mm, permittivity: { relative: 2 %, distribution: normal },
       prestretch: { relative: 1 %, distribution: normal } } }
