@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::arguments::quantity;
 use super::compared::{document, notes, summary, with_unit, write_with_figure};
 use super::fit::MeshArguments;
+use super::measured_files::FileArguments;
 use super::text::Text;
 use super::{CliError, Exit, Output, csv, table, write};
 use deaflow_base::Dimension;
@@ -15,23 +16,21 @@ use deaflow_content::MeasuredQuantity;
 use deaflow_stage::direct;
 use deaflow_stage::measured::curve::Noise;
 use deaflow_stage::measured::{
-    Compared, Device, MeasuredFile, VOLTAGE_OFFSET, Values, WithEffect, compare_all, read_sets, with_neglected_effects,
+    Compared, Device, VOLTAGE_OFFSET, Values, WithEffect, compare_all, read_sets, with_neglected_effects,
 };
 
 /// Compare measurements with a simulation at the same points
 #[derive(Debug, Args)]
 #[command(after_help = examples!(
     "deaflow compare scene.yaml measured.yaml",
+    "deaflow compare fitted.yaml uniaxial=ut.csv",
     "deaflow compare fitted.yaml measured.yaml -o compared.csv",
 ))]
 pub struct CompareArguments {
     /// The scene: a YAML file of a scene, or of a pipeline that has one
     pub scene: PathBuf,
-    /// A list of measured files in YAML, with what is known about each, as in
-    /// `files: [{ file: x.csv, test: voltage-displacement, pattern: mine.csv, point: [25 mm, 25 mm], direction: 0 deg }]`;
-    /// tables alone are not read
-    #[arg(value_name = "MEASURED.yaml")]
-    list: PathBuf,
+    #[command(flatten)]
+    measured: FileArguments,
     /// Override a value of the scene, such as material.shear_modulus="40 kPa"
     #[arg(long = "set", value_name = "PATH=VALUE")]
     sets: Vec<String>,
@@ -54,13 +53,9 @@ fn voltage(text: &str) -> Result<f64, String> {
 }
 
 pub fn execute(arguments: &CompareArguments, output: &Output) -> Result<Exit, CliError> {
-    let files = MeasuredFile::load(&arguments.list)?;
+    let files = arguments.measured.entries()?;
     if let Some(file) = &arguments.output {
-        let listed = files.iter().flat_map(|(file, node)| file.paths(node));
-        let listed = listed
-            .chain([arguments.list.clone()])
-            .map(|path| path.display().to_string());
-        let inputs = [direct::files_read(&arguments.scene), listed.collect()].concat();
+        let inputs = [direct::files_read(&arguments.scene), arguments.measured.names(&files)].concat();
         write::check_output(file, &inputs)?;
         write::check_not_read(&file.with_extension("png"), &inputs)?;
     }

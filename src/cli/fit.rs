@@ -90,9 +90,13 @@ fn law(text: &str) -> Result<LawKind, String> {
 }
 
 pub fn execute(arguments: &FitArguments, output: &Output) -> Result<Exit, CliError> {
-    let files = arguments.measured.entries()?;
+    let files = arguments.measured.files.entries()?;
     if let Some(file) = &arguments.output {
-        let inputs = [arguments.measured.names(&files), direct::files_read(&arguments.scene)].concat();
+        let inputs = [
+            arguments.measured.files.names(&files),
+            direct::files_read(&arguments.scene),
+        ]
+        .concat();
         write::check_output(file, &inputs)?;
         write::check_not_read(&file.with_extension("png"), &inputs)?;
     }

@@ -51,10 +51,16 @@ struct Read<'a> {
 }
 
 pub fn execute(arguments: &MeasureArguments, output: &Output) -> Result<Exit, CliError> {
-    let files = arguments.measured.entries()?;
+    let files = arguments.measured.files.entries()?;
     if let Some(file) = &arguments.output {
         let scene = arguments.scene.iter().flat_map(|scene| direct::files_read(scene));
-        let inputs: Vec<String> = arguments.measured.names(&files).into_iter().chain(scene).collect();
+        let inputs: Vec<String> = arguments
+            .measured
+            .files
+            .names(&files)
+            .into_iter()
+            .chain(scene)
+            .collect();
         write::check_output(file, &inputs)?;
     }
     let scene = arguments

@@ -12,13 +12,20 @@ use deaflow_stage::measured::{MeasuredFile, Measurement};
 
 /// Files of measurements.
 #[derive(Debug, Args)]
-pub struct MeasuredArguments {
+pub struct FileArguments {
     /// Measured curves, uniaxial=FILE, equibiaxial=FILE or pure-shear=FILE: tables with the columns stretch and
     /// nominal_stress_kPa; with a column time_s, the stress along that history of stretch, after a sudden step if all
     /// stretches are equal. Or a list of measured files in YAML, with what
     /// is known about each
     #[arg(value_name = "TEST=FILE|MEASURED.yaml", required = true, value_parser = measured_file)]
     files: Vec<FileArgument>,
+}
+
+/// Files of measurements with their noise.
+#[derive(Debug, Args)]
+pub struct MeasuredArguments {
+    #[command(flatten)]
+    pub files: FileArguments,
     /// Standard deviation of the stresses of files without a column sigma_kPa, as in "3 %" or "2 kPa" [default:
     /// unknown]
     #[arg(long, value_name = "SIGMA", value_parser = sigma, conflicts_with = "absolute")]
@@ -87,7 +94,7 @@ fn sigma(text: &str) -> Result<StatedSigma, String> {
     }
 }
 
-impl MeasuredArguments {
+impl FileArguments {
     /// Returns the entries of all files, those of lists with what is known about them.
     ///
     /// # Errors
@@ -112,7 +119,9 @@ impl MeasuredArguments {
         let listed = entries.iter().flat_map(|(file, node)| file.paths(node));
         lists.chain(listed).map(|path| path.display().to_string()).collect()
     }
+}
 
+impl MeasuredArguments {
     /// Returns the noise of stresses without a stated one.
     pub fn noise(&self) -> Noise {
         match (self.sigma, self.absolute) {

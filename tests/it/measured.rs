@@ -451,6 +451,23 @@ fn curves_are_compared_with_a_law_of_ogden_as_with_others() {
 }
 
 #[test]
+fn curves_are_compared_by_the_names_of_their_tests() {
+    let workspace = with_data();
+    workspace.write("list.yaml", "files: [{ file: uniaxial.csv, test: uniaxial }]\n");
+    let compare = |measured: &str| workspace.run(&["compare", "scene.yaml", measured, "--json"]);
+    let named = compare("uniaxial=uniaxial.csv");
+    assert_eq!(named.code, Some(0), "{named}");
+    assert_eq!(named.json()["compared"], compare("list.yaml").json()["compared"]);
+    for (given, says) in [
+        ("uniaxial.csv", "uniaxial=uniaxial.csv"),
+        ("x=uniaxial.csv", "allowed: uniaxial"),
+    ] {
+        let refused = workspace.run(&["compare", "scene.yaml", given]);
+        assert!(refused.code == Some(2) && refused.stderr.contains(says), "{refused}");
+    }
+}
+
+#[test]
 fn what_a_file_of_measurements_cannot_have_is_refused_when_it_is_read() {
     let workspace = with_data();
     let header = "stretch,nominal_stress_kPa,sigma_kPa\n";
