@@ -54,11 +54,23 @@ impl Scene {
                 second: value(&second, key),
             })
             .filter(|difference| difference.first != difference.second)
+            // The entries of a mapping show its difference from an empty one.
+            .filter(|difference| {
+                let has_entries = |of: &BTreeMap<String, String>| {
+                    let below = format!("{}.", difference.key);
+                    of.keys().any(|key| key.starts_with(&below))
+                };
+                let is_filled = |own: &str, other| own == EMPTY && has_entries(other);
+                !is_filled(&difference.first, &second) && !is_filled(&difference.second, &first)
+            })
             .collect();
         found.sort_by(|a, b| a.key.cmp(&b.key));
         found
     }
 }
+
+/// How an empty mapping is written.
+const EMPTY: &str = "{}";
 
 /// Returns whether a key describes the time course of the drive.
 fn is_in_time(key: &str) -> bool {
@@ -109,6 +121,10 @@ mod tests {
             "effects: { strain_stiffening: { model: gent, jm: 125 } }",
         );
         let found = said(&high, &stiff);
+        assert!(
+            !found.iter().any(|one| one.starts_with("effects is")),
+            "the entries say it: {found:?}"
+        );
         assert!(
             found.contains(&"effects.strain_stiffening.jm is none there and 125 here".to_owned()),
             "{found:?}"

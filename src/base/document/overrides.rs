@@ -20,6 +20,8 @@ pub struct Override {
     value: Node,
     /// The value as given, in YAML.
     text: String,
+    /// From this depth on, the path is within a stage or the scene, and missing steps are created.
+    created_from: usize,
 }
 
 impl Override {
@@ -56,6 +58,7 @@ impl Override {
             name: option.to_owned(),
             keys: path.iter().map(key).collect(),
             text: text.trim().to_owned(),
+            created_from: created_from(&path, 2),
             value,
             path,
         })
@@ -98,6 +101,7 @@ impl Override {
         let keys = path.iter().map(&mut key).collect();
         Ok(Self {
             name,
+            created_from: created_from(&path, least),
             keys,
             value,
             path,
@@ -135,9 +139,9 @@ impl Override {
         &self.path
     }
 
-    /// Sets the value in the tree; `null` removes the key. Every step except the last must exist. Within a stage or a
-    /// part of the scene, a missing step is created as a mapping unless it looks like a misspelt key; the reader of the
-    /// mapping checks it. In a list a step is the number of an item, from 0.
+    /// Sets the value in the tree; `null` removes the key. Every step except the last must exist. Within a stage or the
+    /// scene, a missing step is created as a mapping unless it looks like a misspelt key; the reader of the mapping
+    /// checks it. In a list a step is the number of an item, from 0.
     ///
     /// # Errors
     /// When a step does not exist or is neither a mapping nor a list, or there is nothing to remove.
@@ -146,7 +150,8 @@ impl Override {
         let (last, steps) = self.path.split_last().expect("a path has at least one step");
         for (depth, step) in steps.iter().enumerate() {
             let (known, parent) = (at.keys(), at.parent_of(step));
-            if depth >= CREATED_DEPTH && parent.is_none() && at.child_mut(step).is_none() && !is_near(step, &known) {
+            if depth >= self.created_from && parent.is_none() && at.child_mut(step).is_none() && !is_near(step, &known)
+            {
                 at.put(step, self.keys[depth].with_value(NodeValue::Map(Vec::new())));
             }
             let items = items_of(at);
@@ -220,8 +225,15 @@ impl Override {
     }
 }
 
-/// From this depth on, a path is within a stage or a part of the scene, and missing steps are created.
-const CREATED_DEPTH: usize = 2;
+/// Returns the depth from which a path is within a stage or the scene. Paths of a scene without a pipeline may have a
+/// single step, as `least` tells.
+fn created_from(path: &[String], least: usize) -> usize {
+    match path.first() {
+        _ if least < 2 => 0,
+        Some(first) if first == SCENE => 1,
+        _ => 2,
+    }
+}
 
 /// Returns the number of items of a list; `None` for other values.
 fn items_of(node: &Node) -> Option<usize> {

@@ -148,7 +148,8 @@ macro_rules! variants {
                 keys.extend(others.iter().copied());
                 keys.dedup();
                 let map = node.fields($what, &keys)?;
-                let word = map.required($what, $tag)?.word($tag, Self::WORDS)?;
+                let allowed = |error: $crate::InputError| error.help(format!("allowed: {}", Self::WORDS.join(", ")));
+                let word = map.required($what, $tag).map_err(allowed)?.word($tag, Self::WORDS)?;
                 #[allow(unused_mut)]
                 let mut others: Vec<&str> = others.to_vec();
                 others.push($tag);

@@ -188,6 +188,10 @@ fn a_tag_selects_the_keys() {
     ] {
         assert!(read(text).unwrap_err().to_string().contains(said), "{text}");
     }
+    // What is missing has its words.
+    let missing = read("{}").unwrap_err();
+    let help = miette::Diagnostic::help(&missing).map(|help| help.to_string());
+    assert_eq!(help.as_deref(), Some("allowed: plain, mesh"));
     let schema = Value::from(Either::schema(&()));
     assert_eq!(schema["anyOf"][1]["properties"]["model"]["const"], "mesh");
 }
