@@ -78,9 +78,20 @@ impl<'a> Scratch<'a> {
     /// # Errors
     /// If the work has to stop.
     pub fn save(&self, name: &str, content: &dyn Fn() -> Option<Vec<u8>>) -> Result<(), Stopped> {
-        let stops = self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed));
-        self.save_when_due(name, content, stops);
-        if stops { Err(Stopped) } else { Ok(()) }
+        let stopped = self.check_stopped();
+        self.save_when_due(name, content, stopped.is_err());
+        stopped
+    }
+
+    /// Fails if the work has to stop.
+    ///
+    /// # Errors
+    /// If it has.
+    pub fn check_stopped(&self) -> Result<(), Stopped> {
+        match self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+            true => Err(Stopped),
+            false => Ok(()),
+        }
     }
 
     fn save_when_due(&self, name: &str, content: &dyn Fn() -> Option<Vec<u8>>, stops: bool) {

@@ -9,6 +9,7 @@ mod elements;
 mod evaluators;
 mod follow;
 mod intervals;
+mod stoppable;
 
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
@@ -18,7 +19,7 @@ use serde_json::json;
 
 use super::results::{CHARGE, CHARGE_HYPERVOLUME, HYPERVOLUME, PREDICTED_REACTION, of_targets};
 use super::{drive_check, model, needed, scene};
-use deaflow_base::{Canonical, Declared, Document, Fields, InputError, Map, Node, Parameter, parameters};
+use deaflow_base::{Canonical, Declared, Document, Fields, InputError, Map, Node, Parameter, Stopped, parameters};
 use deaflow_content::Designs;
 use deaflow_design::{
     CaseLabel, ConstraintParameters, DesignTask, Front, FrontObjective, Method, Objective, PlannedDesign, ResponseKind,
@@ -39,6 +40,7 @@ pub(super) use evaluators::amplitude_solver;
 use evaluators::{EvaluatorChoice, evaluators, with_masks};
 use follow::Follow;
 use intervals::Calibrated;
+use stoppable::is_stop;
 
 /// The kind `design`.
 pub struct DesignKind;
@@ -718,6 +720,7 @@ impl Stage for DesignStage {
             .collect();
         let help = |error: SearchError| match error {
             SearchError::Stopped(stopped) => stopped.into(),
+            SearchError::Predict(error) if is_stop(&error) => Stopped.into(),
             error if error.is_instability() => StageError::Advised {
                 source: error.into(),
                 help: drive_check::stability_advice(&scene),
@@ -733,7 +736,7 @@ impl Stage for DesignStage {
             constraints: self.task.constraints.constraints(),
             options: &self.options,
             drivers: &drivers,
-            elements: &ForTarget { stage: self, target },
+            elements: &ForTarget::new(self, target, job.scratch),
             progress: &Follow::new(job, self.options.generations, target.goal.unit()),
         };
         let (method, searched) = (self.options.method.name(), format!("search; {}", target.name));

@@ -412,6 +412,28 @@ fn ctrl_c_keeps_what_there_is_and_the_same_command_goes_on() {
 }
 
 #[test]
+fn a_search_along_the_gradient_ends_between_two_evaluations() {
+    let workspace = Workspace::new();
+    let search = "  best: { kind: design, method: adjoint, objective: { point: [25 mm, 25 mm], direction: 0 deg }, \
+                  units: 50, starts: 1, seed: 1 }\n";
+    let (scene, _) = SMALL.split_once("stages:\n").unwrap();
+    workspace.write("small.yaml", &format!("{scene}stages:\n{search}"));
+    let mut command = workspace.command(&["run", "small.yaml", "--jobs", "1", "--progress", "json"]);
+    let mut run = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut events = BufReader::new(run.stderr.take().unwrap()).lines().map(Result::unwrap);
+    // The gradient was followed from the only start; exchanges of pairs, which take most of the time, begin.
+    events.find(|line| line.contains("\"event\":\"progress\"")).unwrap();
+    let process = rustix::process::Pid::from_child(&run);
+    rustix::process::kill_process(process, rustix::process::Signal::INT).unwrap();
+    let rest: Vec<String> = events.collect();
+    assert_eq!(run.wait().unwrap().code(), Some(75), "{rest:?}");
+    assert!(!rest.iter().any(|line| line.contains("error")), "{rest:?}");
+    let logged = workspace.run(&["log", "small.yaml", "--json"]).json();
+    assert_eq!(logged["runs"][0]["stages"][0]["outcome"], "stopped", "{logged}");
+    assert_eq!(workspace.run(&["fsck"]).code, Some(0));
+}
+
+#[test]
 fn a_second_ctrl_c_ends_at_once() {
     let workspace = Workspace::new();
     // One chunk that takes minutes, and cannot stop in between.

@@ -1,13 +1,15 @@
 //! The finite element models of a design stage, created on first use.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::DesignStage;
 use super::evaluators::{amplitude_parameters, amplitude_solver};
+use super::stoppable::Stoppable;
 use deaflow_design::{FiniteElements, Front, ResponseKind, SearchError, Target};
 use deaflow_fem::screening::resolved_states;
 use deaflow_fem::{GradientEvaluator, SafetyMargins, SetupError, ThreeSolves, at_peak};
 use deaflow_field::{Differentiable, Feasibility, InStates, PredictError, StateFields};
+use deaflow_orchestrator::Scratch;
 use deaflow_pattern::Pattern;
 
 /// The finite element models of one target of a stage.
@@ -16,6 +18,21 @@ pub struct ForTarget<'a> {
     pub stage: &'a DesignStage,
     /// The target.
     pub target: &'a Target,
+    /// Tells whether the run was stopped.
+    scratch: &'a Scratch<'a>,
+    model: OnceLock<Stoppable<'a>>,
+}
+
+impl<'a> ForTarget<'a> {
+    /// The models of a target of a stage, which fail once the run is stopped.
+    pub fn new(stage: &'a DesignStage, target: &'a Target, scratch: &'a Scratch<'a>) -> Self {
+        Self {
+            stage,
+            target,
+            scratch,
+            model: OnceLock::new(),
+        }
+    }
 }
 
 /// Models in each state of the device: for the gradient, and for the margins.
@@ -100,7 +117,10 @@ impl DesignStage {
 
 impl FiniteElements for ForTarget<'_> {
     fn gradient(&self) -> Result<&dyn Differentiable<StateFields>, SearchError> {
-        Ok(&self.stage.models(self.target)?.gradient)
+        let models = self.stage.models(self.target)?;
+        Ok(self
+            .model
+            .get_or_init(|| Stoppable::new(&models.gradient, self.scratch)))
     }
 
     fn settings(&self) -> String {
