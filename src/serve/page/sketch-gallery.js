@@ -31,33 +31,46 @@ const GALLERY = [
   ["push-pull", "Stage that is pushed and pulled", "push-pull (example)"],
 ];
 
-/** Draws a pattern on the cells of a scene. @param {string} name @param {any} scene */
-export function patternOf(name, scene) {
+/** The number of the group with the largest voltage in a state: electrodes of a group without voltage do not move. @param {any} scene @param {string|null} state */
+function drivenGroup(scene, state) {
+  const voltages = scene.voltages[Math.max(scene.states.indexOf(state), 0)] ?? [];
+  return Math.max(voltages.indexOf(Math.max(...voltages)), 0) + 1;
+}
+
+/**
+ * Draws a pattern on the cells of a scene; those with one group have the driven one.
+ * @param {string} name @param {any} scene @param {string|null} state
+ */
+export function patternOf(name, scene, state) {
   const { columns, rows, size_mm: [width, height], parts, groups } = scene;
+  const driven = drivenGroup(scene, state);
   const half = Math.min(width, height) / 2;
   const cells = Uint8Array.from({ length: columns * rows }, (_, at) => {
     if (parts?.[at]) return 0;
     const x = (((at % columns) + 0.5) * width) / columns - width / 2;
     const y = ((Math.floor(at / columns) + 0.5) * height) / rows - height / 2;
-    return Math.min(SHAPES[name](x / half, y / half), groups);
+    const group = SHAPES[name](x / half, y / half);
+    return name === "push-pull" && groups > 1 ? group : group && driven;
   });
   return new Pattern(columns, rows, cells);
 }
 
 /** The pattern that an empty sketchpad begins with. @param {any} scene */
 export function firstPattern(scene) {
-  return patternOf(scene.groups > 1 ? "push-pull" : "half", scene);
+  const first = scene.states[0] ?? null;
+  return patternOf(scene.groups > 1 && drivenGroup(scene, first) <= 2 ? "push-pull" : "half", scene, first);
 }
 
 /** @param {any} pad */
 export function gallery(pad) {
   const card = (/** @type {[string, string, string?]} */ [name, words, device]) => {
     const scene = device ? pad.examples.find((/** @type {any} */ one) => one.name === device) : pad.scene;
-    const pattern = patternOf(name, scene);
+    const drawn = () => patternOf(name, scene, scene === pad.scene ? pad.state : (scene.states[0] ?? null));
+    const pattern = drawn();
     const canvas = h("canvas", { "aria-hidden": "true" });
     // The canvas has its width once it is on the page.
     requestAnimationFrame(() => drawPattern(canvas, pattern, { ratio: scene.size_mm[1] / scene.size_mm[0], parts: scene.parts }));
-    const open = () => (scene === pad.scene ? pad.pen.become(pattern) : pad.reopen({ scene: scene.name, pattern: pattern.asRows() }));
+    const open = () => (scene === pad.scene ? pad.pen.become(drawn()) : pad.reopen({ scene: scene.name, pattern: pattern.asRows() }));
     return h("button", { type: "button", class: "card", "data-gallery": name, onclick: open }, canvas, words);
   };
   const back = pad.scenes.includes(pad.scene) ? null : h("button", { type: "button", id: "own-scene", onclick: () => pad.reopen({ scene: pad.scenes[0].name }) }, `Back to the scene ${pad.scenes[0].name}`);
