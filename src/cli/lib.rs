@@ -35,6 +35,7 @@ mod log;
 mod measure;
 mod measured_files;
 mod model;
+mod model_warnings;
 mod neglected;
 mod output;
 mod pace;

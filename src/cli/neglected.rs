@@ -4,12 +4,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use super::CliError;
 use super::progress::{Bar, ProgressMode};
+use super::{CliError, model_warnings};
 use deaflow_base::{Background, Digest, build};
 use deaflow_content::SOLVED;
-use deaflow_fem::WorkLimit;
-use deaflow_fem::screening::{ScreenedScene, TestPattern, resolve_states};
+use deaflow_fem::screening::TestPattern;
 use deaflow_orchestrator::{Pipeline, StageSpec};
 use deaflow_report::{RunArtifacts, StageArtifact, warned_patterns};
 use deaflow_scene::{Effects, Scene};
@@ -162,11 +161,7 @@ fn screened(stage: &SimulatingStage<'_>, run: &RunArtifacts<'_>) -> Result<Vec<S
     let tests: Vec<TestPattern> = patterns
         .map(|(name, pattern)| TestPattern::new(&name, pattern))
         .collect();
-    let scene = match scene.states.is_empty() {
-        true => scene.clone(),
-        false => resolve_states(scene).map_err(refused)?.at_largest_voltages(),
-    };
-    let screened = ScreenedScene::for_patterns(&scene, &tests, WorkLimit::default()).map_err(refused)?;
+    let screened = model_warnings::screened(scene, &tests).map_err(refused)?;
     let mut found = if stage.in_time {
         screened.warnings_in_time
     } else {

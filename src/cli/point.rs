@@ -36,6 +36,9 @@ fn direction(text: &str) -> Result<Quantity, String> {
     quantity(text, Dimension::Angle)
 }
 
+/// What follows the title of a displacement from the mount, where that is not at rest.
+pub const FROM_MOUNT: &str = " from the mount";
+
 /// A point of a membrane and a direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
@@ -44,6 +47,8 @@ pub struct Probe {
     /// In degrees from the x axis; none for the magnitude of the displacement.
     degrees: Option<f64>,
     cell_mm: [f64; 2],
+    /// Whether the state at rest differs from the mount: not all sides are held.
+    has_rest: bool,
 }
 
 impl PointArguments {
@@ -75,6 +80,7 @@ impl PointArguments {
             point_mm,
             degrees: self.direction.map(|direction| direction.value()),
             cell_mm,
+            has_rest: scene.geometry.sides.is_some(),
         }))
     }
 }
@@ -95,11 +101,16 @@ impl Probe {
     /// Returns the displacements of patterns, NaN for missing ones, and a description of the point, for a file.
     pub fn of_all(self, along_mm: impl Iterator<Item = Option<f64>>) -> (Vec<f64>, String) {
         let values = along_mm.map(|mm| mm.unwrap_or(f64::NAN)).collect();
+        (values, self.described())
+    }
+
+    /// Describes the point and its direction, for a file.
+    pub fn described(&self) -> String {
         let [x, y] = self.point_mm;
         let along = self
             .degrees
             .map_or_else(String::new, |degrees| format!(", {degrees} deg"));
-        (values, format!("{x} mm, {y} mm{along}"))
+        format!("{x} mm, {y} mm{along}")
     }
 
     /// Returns the title of a column.
@@ -109,6 +120,17 @@ impl Probe {
             Some(degrees) => format!("at {x}, {y} mm along {degrees} deg"),
             None => format!("at {x}, {y} mm"),
         }
+    }
+
+    /// Returns the title of a column with displacements from the mount, which it says where these differ from those
+    /// from rest.
+    pub fn title_from_mount(&self) -> String {
+        self.title() + if self.has_rest { FROM_MOUNT } else { "" }
+    }
+
+    /// The same with displacements from rest.
+    pub fn title_from_rest(&self) -> String {
+        self.title() + if self.has_rest { " from rest" } else { "" }
     }
 
     /// Describes the point for programs.

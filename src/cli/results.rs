@@ -7,7 +7,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::job::extend;
-use super::point::Probe;
+use super::point::{FROM_MOUNT, Probe};
 use super::side_results::SideResults;
 use super::table::{self, Cell};
 use super::text::Text;
@@ -54,6 +54,8 @@ pub struct SampleResult {
     pub peak: Option<Peak>,
     /// The displacement at the requested point, mm.
     pub along_mm: Option<f64>,
+    /// The same from rest, if not all sides are held.
+    pub along_from_rest_mm: Option<f64>,
     /// The mesh that was chosen for a requested accuracy.
     pub accuracy: Option<AccuracyResult>,
     /// The fraction of the membrane that would wrinkle, if cells were evaluated.
@@ -137,6 +139,7 @@ impl SampleResult {
             failure: None,
             peak: None,
             along_mm: None,
+            along_from_rest_mm: None,
             accuracy: None,
             wrinkled_fraction: None,
             is_checked: true,
@@ -252,13 +255,25 @@ pub fn text(results: &[SampleResult], file: Option<&Path>, probe: Option<&Probe>
 fn list(results: &[SampleResult], probe: Option<&Probe>) -> table::Table {
     let has_states = results.iter().any(|result| result.id.state.is_some());
     let has_files = results.iter().any(|result| !result.file.is_empty());
-    let title = probe.map(Probe::title);
+    let has_rest = results.iter().any(|result| result.sides.is_some());
+    let largest = format!("largest displacement{}", if has_rest { FROM_MOUNT } else { "" });
+    // Predictions are from rest, and have no results of sides.
+    let title = probe.map(|probe| match has_rest {
+        true => probe.title_from_mount(),
+        false => probe.title_from_rest(),
+    });
+    let from_rest = probe.filter(|_| has_rest).map(|_| "from rest");
     let mut header = vec!["pattern"];
     header.extend(has_files.then_some("file"));
     header.extend(has_states.then_some("state"));
-    header.extend(["outcome", "largest displacement", "at"]);
+    header.extend(["outcome", largest.as_str(), "at"]);
     header.extend(title.as_deref());
-    let numbers = ["pattern", "largest displacement", title.as_deref().unwrap_or_default()];
+    header.extend(from_rest);
+    let numbers: Vec<&str> = ["pattern", largest.as_str()]
+        .into_iter()
+        .chain(title.as_deref())
+        .chain(from_rest)
+        .collect();
     let mut table = table::table(&header, &numbers)
         .flowing(&["at"])
         .dispensable(&["pattern"]);
@@ -276,6 +291,10 @@ fn list(results: &[SampleResult], probe: Option<&Probe>) -> table::Table {
         row.push(Cell::from(result.peak.map_or(nowhere.to_owned(), |peak| peak.at())));
         if probe.is_some() {
             let along = result.along_mm.map(|mm| format!("{} mm", result.rounded(mm)));
+            row.push(Cell::from(along.unwrap_or("-".to_owned())));
+        }
+        if from_rest.is_some() {
+            let along = result.along_from_rest_mm.map(|mm| format!("{} mm", result.rounded(mm)));
             row.push(Cell::from(along.unwrap_or("-".to_owned())));
         }
         table.add_row(row);
@@ -434,11 +453,7 @@ pub fn remarks(results: &[SampleResult], critical_note: Option<&str>) -> Text {
         })
     });
     add_lines(&mut text, Tone::Caution, results, |result| {
-        let ratio = result.breakdown_ratio.filter(|ratio| *ratio >= Breakdown::NEAR)?;
-        Some(match ratio >= 1.0 {
-            true => format!("the electric field exceeds the breakdown field: E/E_B = {ratio:.2}"),
-            false => format!("the electric field is close to the breakdown field: E/E_B = {ratio:.2}"),
-        })
+        breakdown(result.breakdown_ratio?)
     });
     add_lines(&mut text, Tone::Caution, results, |result| {
         Some(result.missed()?.miss())
@@ -450,6 +465,18 @@ pub fn remarks(results: &[SampleResult], critical_note: Option<&str>) -> Text {
         ))
     });
     text
+}
+
+/// Describes an electric field that is close to the breakdown field or exceeds it.
+pub fn breakdown(ratio: f64) -> Option<String> {
+    let is = match ratio {
+        1.0.. => "exceeds",
+        Breakdown::NEAR.. => "is close to",
+        _ => return None,
+    };
+    Some(format!(
+        "the electric field {is} the breakdown field: E/E_B = {ratio:.2}"
+    ))
 }
 
 /// What deserves attention in a stable solution that a finer mesh could reject.
@@ -496,6 +523,9 @@ pub fn document(results: &[SampleResult], patterns: usize, probe: Option<&Probe>
             "file": Some(&result.file).filter(|file| !file.is_empty()),
             "along_mm": result.along_mm,
         });
+        if let Some(mm) = result.along_from_rest_mm {
+            own["along_from_rest_mm"] = json!(mm);
+        }
         if let Some(sides) = &result.sides {
             extend(&mut own, sides.document());
         }

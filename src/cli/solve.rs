@@ -214,6 +214,7 @@ impl SolveArguments {
 
 pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliError> {
     check_order(arguments)?;
+    check_parameter(arguments)?;
     if let Some(file) = &arguments.patterns.output {
         write::check_output(file, &arguments.inputs())?;
     }
@@ -252,6 +253,18 @@ fn check_order(arguments: &SolveArguments) -> Result<(), CliError> {
     })
 }
 
+/// Refuses what changes along a path in the place of a pattern: the value of the option follows `=`.
+fn check_parameter(arguments: &SolveArguments) -> Result<(), CliError> {
+    let mut patterns = arguments.patterns.patterns.iter();
+    let is_parameter = |name: &&String| path_parameter(name).is_ok() && !Path::new(name).exists();
+    match patterns.find(is_parameter).filter(|_| arguments.path.is_some()) {
+        Some(name) => Err(CliError::bad_input(format!("{name} is not a pattern")).help(format!(
+            "what changes along a path follows an equals sign: --path={name}"
+        ))),
+        None => Ok(()),
+    }
+}
+
 /// Refuses options that do not go together with the form or the method.
 fn check_options(arguments: &SolveArguments) -> Result<(), CliError> {
     let forms = [
@@ -261,9 +274,10 @@ fn check_options(arguments: &SolveArguments) -> Result<(), CliError> {
         ("--response", arguments.response.response.is_some()),
     ];
     let form = forms.into_iter().find(|(_, is_given)| *is_given);
-    if let Some((form, _)) = form.filter(|_| arguments.point.is_given()) {
+    let has_displacement = |form: &str| ["--path", "--history"].contains(&form);
+    if let Some((form, _)) = form.filter(|(form, _)| arguments.point.is_given() && !has_displacement(form)) {
         return Err(CliError::bad_input(format!("--point cannot be combined with {form}"))
-            .help("--point reports the displacement of an equilibrium"));
+            .help("--point reports the displacement of equilibria, histories and paths"));
     }
     let needs_equilibrium = [
         ("--accuracy", arguments.accuracy.is_some()),

@@ -9,7 +9,7 @@ use super::arguments::{StateArguments, TimeArguments, has_hdf5_extension, intege
 use super::point::{PointArguments, Probe};
 use super::progress::Bar;
 use super::text::Text;
-use super::{CliError, Exit, Output, csv, table, write};
+use super::{CliError, Exit, Output, csv, model_warnings, table, write};
 use deaflow_base::{Dimension, Length, Progress, four_digits, is_interrupted};
 use deaflow_fem::SolveOptions;
 use deaflow_fem::screening::resolve;
@@ -134,6 +134,7 @@ pub fn execute(arguments: &YieldArguments, output: &Output) -> Result<Exit, CliE
         arguments.seed,
     )?;
     patterns.iter().try_for_each(|pattern| study.check(pattern))?;
+    let neglected = model_warnings::of_equilibria(&scene, &patterns)?;
     let mut found = Vec::new();
     for (pattern, file) in patterns.iter().zip(names) {
         found.push(of_pattern(arguments, &study, pattern, file, &probe)?);
@@ -143,8 +144,18 @@ pub fn execute(arguments: &YieldArguments, output: &Output) -> Result<Exit, CliE
         write::csv(file, devices(&found, &study.varying())?.as_bytes(), "Devices", &source)?;
     }
     output.result(
-        || document(&found, &probe, arguments),
-        || text(&found, &probe, arguments),
+        || {
+            let mut document = document(&found, &probe, arguments);
+            document["warnings"] = json!(neglected);
+            document
+        },
+        || {
+            let mut text = text(&found, &probe, arguments);
+            for warning in &neglected {
+                text.line(format!("model warning: {warning}"));
+            }
+            text
+        },
     )?;
     // Devices that fail are a result; a pattern that has no stable state as drawn is not one of a design.
     Ok(match found.iter().all(|one| one.nominal.is_some()) {
@@ -283,7 +294,7 @@ fn text(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Text {
         row.push(percent(result.failed() as f64 / result.samples as f64));
         overview.add_row(row);
     }
-    let mut text = Text::from(format!("displacement {} of each device, mm", probe.title()));
+    let mut text = Text::from(format!("displacement {} of each device, mm", probe.title_from_rest()));
     text.table(overview);
     for one in found {
         let result = &one.result;

@@ -25,6 +25,9 @@ arrays! {
         displacement: Packed<Field> = array("displacement", "mm", [sample, time, corner_y, corner_x, xy]),
         /// Largest displacement magnitude over the corners; from `rest` if there is one.
         max_displacement: Packed<f64> = array("max_displacement", "mm", [sample, time]),
+        /// Displacement of the requested point along the requested direction, or its magnitude without a direction;
+        /// from `rest` if there is one.
+        at_point: Option<Packed<f64>> = array("at_point", "mm", [sample, time]),
         /// Charge on all electrodes.
         charge: Packed<f64> = array("charge", "C", [sample, time]),
         /// Current into the electrodes.
@@ -77,6 +80,8 @@ arrays! {
         solve_seconds: Vec<f64> = array("solve_seconds", "s", [sample]),
         /// The scene.
         scene: Scene = attribute("scene"),
+        /// The requested point, from the lower left corner, and its direction.
+        point: Option<String> = attribute("point"),
         /// The solver.
         solver: String = attribute("solver"),
         /// The simulated effects.

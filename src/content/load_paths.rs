@@ -74,7 +74,12 @@ arrays! {
         out_of_plane_unstable: Vec<u64> = array("out_of_plane_unstable", "1", [point]),
         /// Largest electric field relative to the breakdown field, by Huang's law if the scene has none.
         breakdown_ratio: Vec<f64> = array("breakdown_ratio", "1", [point]),
+        /// Displacement of the requested point along the requested direction, or its magnitude without a direction;
+        /// from `rest` if there is one.
+        at_point: Option<Vec<f64>> = array("at_point", "mm", [point]),
         /// The scene; where the voltage changes, its voltage is not used.
         scene: Scene = attribute("scene"),
+        /// The requested point, from the lower left corner, and its direction.
+        point: Option<String> = attribute("point"),
     }
 }

@@ -96,8 +96,8 @@ pub use margin::StabilityReport;
 pub use observable::{CellState, Tension, cell_states};
 pub use out_of_plane::{Inflated, InflationOutcome, InflationSolver, Peak, SpatialMotion};
 pub use path::{
-    EventKind, InflationPath, InflationPathSolver, InflationPoint, LoadPath, NoPath, PathEnd, PathEvent, PathParameter,
-    PathPoint, PathSolver, SideState,
+    EventKind, InflationPath, InflationPathSolver, InflationPoint, LoadPath, NoPath, Observe, PathEnd, PathEvent,
+    PathParameter, PathPoint, PathSolver, SideState,
 };
 pub use points::Weights;
 pub use response::{Estimator, LinearResponse};

@@ -248,18 +248,151 @@ fn a_history_of_free_sides_counts_from_the_released_state() {
 }
 
 #[test]
+fn a_requested_point_is_a_column_of_histories_and_paths() {
+    let workspace = workspace("voltage: 4 kV, waveform: { step: {} }, duration: 10 s");
+    let run = |form: &[&str], more: &[&str]| {
+        let first = [
+            "solve",
+            "scene.yaml",
+            "odd.csv",
+            "-o",
+            "out.h5",
+            "--elements-per-cell",
+            "1",
+        ];
+        let ended = workspace.run(&[&first[..], form, more].concat());
+        assert_eq!(ended.code, Some(0), "{ended}");
+        ended
+    };
+    let file = |name: &str| {
+        let file = hdf5::File::open(workspace.path("out.h5")).unwrap();
+        file.dataset(name).unwrap().read_raw::<f64>().unwrap()
+    };
+    // The point that moves most, so that its displacement is known.
+    let watched = |one: &serde_json::Value| {
+        let [x, y] = [0, 1].map(|c| 5.0 * one["watched_corner"][c].as_f64().unwrap());
+        format!("{x} mm, {y} mm")
+    };
+    let history = ["--history", "--at", "0 s, 1 s, 10 s"];
+    let most = run(&history, &["--json"]).json()["histories"][0].clone();
+    let point = watched(&most);
+    let found = run(&history, &["--json", "--point", &point]).json();
+    let own = &found["histories"][0];
+    let [along, largest] = [&own["along_mm"][2], &most["max_displacement"][2]].map(|mm| mm.as_f64().unwrap());
+    assert!((along - largest).abs() < 1e-9, "{along} {largest}");
+    assert_eq!(found["along"]["direction_deg"], serde_json::Value::Null);
+    assert_eq!(serde_json::json!(file("at_point")), own["along_mm"]);
+    let table = std::fs::read_to_string(workspace.path("out.csv")).unwrap();
+    assert!(
+        table.lines().next().unwrap().ends_with(",point_displacement_mm"),
+        "{table}"
+    );
+    let known = table.lines().skip(1).filter(|line| !line.ends_with(','));
+    assert_eq!(known.count(), 3, "{table}");
+    let told = run(&history, &["--point", &point, "--direction", "0 deg"]).stdout;
+    assert!(told.contains("along 0 deg"), "{told}");
+
+    let path = ["--path", "--order", "1"];
+    let most = run(&path, &["--json"]).json()["paths"][0].clone();
+    let found = run(&path, &["--json", "--point", &watched(&most)]).json()["paths"][0].clone();
+    let points = found["points"].as_array().unwrap();
+    assert!(points.len() > 5, "{points:?}");
+    for point in points {
+        let [along, displacement] = ["along_mm", "displacement"].map(|key| point[key].as_f64().unwrap());
+        assert!((along - displacement).abs() < 1e-9, "{point}");
+    }
+    assert_eq!(file("at_point").len(), points.len());
+    let table = std::fs::read_to_string(workspace.path("out.csv")).unwrap();
+    assert!(
+        table.lines().next().unwrap().ends_with(",point_displacement_mm"),
+        "{table}"
+    );
+    let told = run(&path, &["--point", "25 mm, 25 mm", "--direction", "0 deg"]).stdout;
+    assert!(told.contains("along 0 deg"), "{told}");
+}
+
+#[test]
+fn each_form_warns_of_neglected_effects_whose_data_the_scene_has() {
+    let workspace = workspace("voltage: 4 kV");
+    let scene = SCENE
+        .replace("DRIVE", "voltage: 4 kV")
+        .replace("effects: { viscoelasticity: {} }", "effects: {}")
+        .replace(
+            "properties: {",
+            "properties: { strain_stiffening: { model: gent, jm: 125 },",
+        );
+    workspace.write("scene.yaml", &scene);
+    let solve = [
+        "solve",
+        "scene.yaml",
+        "odd.csv",
+        "-o",
+        "out.h5",
+        "--elements-per-cell",
+        "1",
+    ];
+    let tolerances = "tolerances={ thickness: 1 % }";
+    let made = [
+        "yield",
+        "scene.yaml",
+        "odd.csv",
+        "--point",
+        "25,25",
+        "--samples",
+        "2",
+        "--set",
+        tolerances,
+    ];
+    let off = "strain stiffening is off";
+    let forms: [&[&str]; 6] = [
+        &[],
+        &["--path"],
+        &["--modes", "1"],
+        &["--response", "1Hz:10Hz", "--points", "2"],
+        &["--set", "loads={ pressure: 10 Pa }"],
+        &["--path=pressure", "--set", "loads={ pressure: 10 Pa }"],
+    ];
+    let all = forms
+        .iter()
+        .map(|form| [&solve[..], form].concat())
+        .chain([made.to_vec()]);
+    for arguments in all {
+        let ended = workspace.run(&arguments);
+        assert_eq!(ended.code, Some(0), "{arguments:?}: {ended}");
+        assert!(
+            ended.stdout.contains(&format!("model warning: {off}")),
+            "{arguments:?}: {ended}"
+        );
+        let document = workspace.run(&[&arguments[..], &["--json"]].concat()).json();
+        let warnings = document["warnings"].as_array().unwrap();
+        assert!(
+            warnings
+                .iter()
+                .any(|warning| warning.as_str().unwrap().starts_with(off)),
+            "{document}"
+        );
+    }
+}
+
+#[test]
 fn options_that_a_history_lacks_or_excludes_are_refused() {
     let workspace = workspace("voltage: 5 kV");
     let mut printed = Transcript::default();
     for (more, parts) in [
         (vec!["--history"], ["`duration`", ""]),
         (vec!["--history", "--at", "1 V"], ["1 V", ""]),
+        (
+            vec!["--history", "--at", "1 s, 20 s", "--set", "drive.duration=10 s"],
+            ["--at 20 s", "10 s"],
+        ),
         (vec!["--at", "1 s"], ["--history", ""]),
         (
             vec!["--history", "--at", "1 s", "--method", "linear"],
             ["--history", "--method linear"],
         ),
         (vec!["--history", "--path"], ["--history", "--path"]),
+        (vec!["--path", "pressure"], ["--path=pressure", ""]),
+        (vec!["--modes", "2", "--point", "25,25"], ["--point", "--modes"]),
         (vec!["--lumped"], ["--modes", ""]),
         (vec!["--response", "1Hz:10Hz", "--lumped"], ["--response", "--lumped"]),
         (vec!["--response", "1Hz:10Hz", "--at", "1 s"], ["--response", "--at"]),

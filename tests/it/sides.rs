@@ -477,3 +477,54 @@ fn a_mass_without_a_load_is_said_to_do_nothing_in_an_equilibrium() {
     assert_eq!(masses("mass: 20 g, spring: 20 N/m"), [told]);
     assert_eq!(masses("mass: 20 g, load: [0.2 N, 0 N]"), Vec::<Value>::new());
 }
+
+#[test]
+fn displacements_say_whether_they_count_from_the_mount_or_from_rest() {
+    let workspace = Workspace::new();
+    let scene = "geometry:
+  size: [40 mm, 20 mm]
+  thickness: 1 mm
+  prestretch: 2
+  cells: [20, 10]
+  sides: { right: { bar: { load: [0.3 N, 0 N] } }, top: free, bottom: free }
+material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+drive: { voltage: 4 kV }
+effects: {}
+tolerances: { thickness: 1 % }
+";
+    workspace.write("strip.yaml", scene);
+    workspace.write("full.csv", &"1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1\n".repeat(10));
+    let run = |command: &str, more: &[&str]| {
+        let point = [
+            "strip.yaml",
+            "full.csv",
+            "--point",
+            "40 mm, 10 mm",
+            "--direction",
+            "0 deg",
+        ];
+        let ended = workspace.run(&[&[command], &point[..], more].concat());
+        assert_eq!(ended.code, Some(0), "{ended}");
+        ended
+    };
+    let mesh = ["--elements-per-cell", "1"];
+    let solved = run("solve", &[&mesh[..], &["--json"]].concat()).json()["patterns"][0].clone();
+    let number = |key: &str| solved[key].as_f64().unwrap_or_else(|| panic!("{solved}"));
+    let (mount, rest) = (number("along_mm"), number("along_from_rest_mm"));
+    assert!((mount - rest).abs() > 0.1, "{mount} {rest}");
+    // The middle of the bar is at the point.
+    let bar = &solved["bars"]["right"];
+    assert!((bar["from_rest_mm"][0].as_f64().unwrap() - rest).abs() < 1e-9, "{bar}");
+    let drawn = run("yield", &[&mesh[..], &["--samples", "2", "--json"]].concat()).json();
+    assert_eq!(drawn["patterns"][0]["as_drawn_mm"].as_f64(), Some(rest));
+    let told = run("solve", &mesh).stdout;
+    for words in [
+        "largest displacement from the mount",
+        "along 0 deg from the mount",
+        "from rest",
+    ] {
+        assert!(told.contains(words), "{words}: {told}");
+    }
+    let told = run("yield", &[&mesh[..], &["--samples", "2"]].concat()).stdout;
+    assert!(told.contains("along 0 deg from rest of each device"), "{told}");
+}

@@ -60,7 +60,7 @@ impl Analysis {
                 (found.content.object(), found.warnings)
             }
             Self::History(times) => {
-                let content = SimulatedHistories::follow(computation, times)?.content;
+                let content = SimulatedHistories::follow(computation, times, None)?.content;
                 let warnings = content.warnings.0.clone();
                 (content.object(), warnings)
             }
@@ -69,7 +69,7 @@ impl Analysis {
                 (found.content.object(), found.warnings)
             }
             Self::Path(parameter) => {
-                let found = Paths::follow(computation, *parameter)?;
+                let found = Paths::follow(computation, *parameter, None)?;
                 (found.content.object(), found.warnings)
             }
             Self::Modes { count, lumped } => {

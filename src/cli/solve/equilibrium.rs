@@ -116,6 +116,10 @@ fn results(simulation: &Simulation<'_>, solved: &Solved<'_>, probe: Option<Probe
             failure: field.is_none().then(|| format!("{}{on}", solution.outcome)),
             peak: field.map(|field| Peak::of(field, Some(cell_mm))),
             along_mm: field.and_then(|field| Some(probe?.of(field))),
+            along_from_rest_mm: probe
+                .filter(|_| run.screened.scene.geometry.sides.is_some())
+                .zip(solution.stroke())
+                .map(|(probe, stroke)| probe.of(&stroke)),
             accuracy: accuracy_mm.map(|accuracy| AccuracyResult {
                 mesh: *mesh,
                 mesh_error_mm: *discretisation_error,

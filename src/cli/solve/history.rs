@@ -7,6 +7,7 @@ use super::SolveArguments;
 use super::simulation::{Computation, Form, PatternSolver, Simulation, States};
 use crate::arguments::quantity;
 use crate::job::{Attachments, JobResult, extend};
+use crate::point::Probe;
 use crate::side_results::SideResults;
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, table};
@@ -124,10 +125,19 @@ impl OutputTimes {
     /// # Errors
     /// When they depend on the duration of the drive, and it has none or they do not fit into it.
     fn of(&self, scene: &Scene) -> Result<Vec<f64>, CliError> {
+        let duration = scene.drive.duration.as_ref();
         if let Some(Times(times)) = &self.at {
+            let beyond = |duration: &&Time| times.last().is_some_and(|last| *last > duration.value() * (1.0 + 1e-9));
+            if let Some(duration) = duration.filter(beyond) {
+                let last = rounded(times.last().copied().unwrap_or_default());
+                let message = format!("--at {last} s is after the end of the drive, whose `duration` is {duration}");
+                return Err(CliError::bad_input(message).help(format!(
+                    "give earlier times, or a longer one: --set drive.duration=\"{last} s\""
+                )));
+            }
             return Ok(times.clone());
         }
-        let Some(duration) = scene.drive.duration.as_ref().map(|duration| duration.value()) else {
+        let Some(duration) = duration.map(|duration| duration.value()) else {
             return Err(
                 CliError::bad_input("a history needs an end time: the drive has no `duration`")
                     .help("give the times, as in --at \"0 s, 1 s, 10 s\", or add `duration` to the drive"),
@@ -198,33 +208,39 @@ pub const FORM: Form = Form {
 /// When a file would be lost, the scene or a pattern cannot be used, or a file cannot be written.
 pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliError> {
     let simulation = Simulation::read(arguments, &FORM)?;
+    let probe = arguments.point.on(&simulation.scene)?;
+    let times = arguments.history.times();
     let SimulatedHistories { followed, content } =
-        SimulatedHistories::follow(&simulation.computation(), &arguments.history.times())?;
+        SimulatedHistories::follow(&simulation.computation(), &times, probe.as_ref())?;
     let accuracy = simulation.parameters.accuracy();
     let missed = missed(&followed, accuracy.map(|accuracy| accuracy.value()));
-    let mut text = Text::of(overview(&followed));
+    let mut text = Text::of(overview(&followed, probe.as_ref()));
     for line in sides(&followed).iter().chain(missed.iter().map(|(_, line)| line)) {
         text.line(line);
     }
     let is_unstable = |one: &&PatternHistory| !one.history.outcome.is_converged();
     let unstable = followed.iter().filter(is_unstable).count();
-    let (curves, is_step) = (curves(&followed), is_step(&content.scene));
+    let (curves, is_step) = (curves(&followed, probe.as_ref()), is_step(&content.scene));
     let (times, warnings) = (content.time.clone(), content.warnings.0.clone());
+    let mut found = json!({
+        "times": times,
+        "histories": followed.iter().enumerate().map(document).collect::<Vec<_>>(),
+        "unstable": unstable,
+        "accuracy_missed": missed.iter().map(|(index, _)| index).collect::<Vec<_>>(),
+    });
+    if let Some(probe) = &probe {
+        found["along"] = probe.document();
+    }
     let result = JobResult {
         patterns: followed.len(),
         arrays: content.object(),
         parameters: simulation.described(", history"),
         attachments: Some(Attachments {
             title: "deaflow solve --history",
-            table: steps_table(&followed)?,
+            table: steps_table(&followed, probe.is_some())?,
             draw: Box::new(move |figure| histories_sheet(&curves, is_step)?.write_png(figure)),
         }),
-        document: json!({
-            "times": times,
-            "histories": followed.iter().enumerate().map(document).collect::<Vec<_>>(),
-            "unstable": unstable,
-            "accuracy_missed": missed.iter().map(|(index, _)| index).collect::<Vec<_>>(),
-        }),
+        document: found,
         warnings,
         text,
         exit: if unstable > 0 { Exit::Unstable } else { Exit::Done },
@@ -240,11 +256,11 @@ pub struct SimulatedHistories {
 }
 
 impl SimulatedHistories {
-    /// Simulates the drive of each pattern in time.
+    /// Simulates the drive of each pattern in time; the displacement of a point is wanted too, if one is given.
     ///
     /// # Errors
     /// When the times do not fit the drive, a pattern cannot be simulated, or memory is short.
-    pub fn follow(computation: &Computation<'_>, times: &OutputTimes) -> Result<Self, CliError> {
+    pub fn follow(computation: &Computation<'_>, times: &OutputTimes, probe: Option<&Probe>) -> Result<Self, CliError> {
         let times = times.of(computation.scene)?;
         let parameters = computation.parameters;
         let tests = TestPattern::some_of(computation.patterns, "pattern");
@@ -252,11 +268,20 @@ impl SimulatedHistories {
         screened.warnings_in_time.extend(screened.breakdown_warning.take());
         let set_up = |scene: &Scene| parameters.history_solver(scene, times.clone());
         let solver = PatternSolver::new(&screened.scene, set_up)?;
-        let (followed, displacement) = follow(computation, times.len(), |pattern| {
-            Ok(solver.with(pattern, |solver| solver.follow(pattern))??)
-        })?;
+        let simulate = |pattern: &Pattern| Ok(solver.with(pattern, |solver| solver.follow(pattern))??);
+        let (followed, displacement) = follow(computation, times.len(), probe, simulate)?;
+        let content = histories(computation, screened, times, &followed, displacement);
+        let at_point = followed.iter().flat_map(|one| {
+            let known = one.at_point.iter().flatten().copied();
+            known.chain(std::iter::repeat(f64::NAN)).take(content.time.len())
+        });
+        let at_point = probe.map(|_| Packed(at_point.collect()));
         Ok(Self {
-            content: histories(computation, screened, times, &followed, displacement),
+            content: Histories {
+                at_point,
+                point: probe.map(Probe::described),
+                ..content
+            },
             followed,
         })
     }
@@ -269,6 +294,8 @@ struct PatternHistory {
     space_error_mm: Option<f64>,
     /// The largest displacement magnitude from rest in mm at the output times that were reached.
     largest: Vec<f64>,
+    /// The displacement of the requested point from rest in mm at these times.
+    at_point: Option<Vec<f64>>,
     /// What the sides do at the end, if not all are held.
     sides: Option<SideResults>,
     /// Computing time, s.
@@ -277,14 +304,21 @@ struct PatternHistory {
 
 impl PatternHistory {
     /// Moves the fields of a history to the end of `displacement`, filled up with NaN to so many `numbers`.
-    fn new(found: AccurateHistory, seconds: f64, scene: &Scene, numbers: usize, displacement: &mut Vec<f64>) -> Self {
+    fn new(
+        (found, seconds): (AccurateHistory, f64),
+        (scene, probe): (&Scene, Option<&Probe>),
+        numbers: usize,
+        displacement: &mut Vec<f64>,
+    ) -> Self {
         let AccurateHistory {
             mut history,
             mesh,
             space_error_mm,
         } = found;
         let sides = SideResults::of(scene, &history.last_state());
-        let largest = history.strokes().iter().map(Field::max_magnitude).collect();
+        let strokes = history.strokes();
+        let largest = strokes.iter().map(Field::max_magnitude).collect();
+        let at_point = probe.map(|probe| strokes.iter().map(|field| probe.of(field)).collect());
         let fields = std::mem::take(&mut history.fields);
         let end = displacement.len() + numbers;
         for field in &fields {
@@ -296,6 +330,7 @@ impl PatternHistory {
             mesh,
             space_error_mm,
             largest,
+            at_point,
             sides,
             seconds,
         }
@@ -306,6 +341,7 @@ impl PatternHistory {
 fn follow(
     computation: &Computation<'_>,
     times: usize,
+    probe: Option<&Probe>,
     history: impl Fn(&Pattern) -> Result<AccurateHistory, CliError> + Sync,
 ) -> Result<(Vec<PatternHistory>, Vec<f64>), CliError> {
     let patterns = computation.patterns.len();
@@ -321,9 +357,8 @@ fn follow(
     let mut followed = Vec::with_capacity(patterns);
     computation.run(history, |found, seconds| {
         followed.push(PatternHistory::new(
-            found,
-            seconds,
-            computation.scene,
+            (found, seconds),
+            (computation.scene, probe),
             numbers,
             &mut displacement,
         ));
@@ -381,6 +416,8 @@ fn histories(
                 .flat_map(|one| padded(&mut one.largest.iter().copied()))
                 .collect(),
         ),
+        at_point: None,
+        point: None,
         charge: of_instant(|instant| instant.charge),
         current: Packed(current.collect()),
         stored: of_instant(|instant| instant.stored),
@@ -447,8 +484,9 @@ fn motions(
     followed.iter().flat_map(of).collect()
 }
 
-/// Returns all steps of all patterns as comma-separated values with a header.
-fn steps_table(followed: &[PatternHistory]) -> Result<String, CliError> {
+/// Returns all steps of all patterns as comma-separated values with a header. The displacement of a requested point is
+/// known at the output times only.
+fn steps_table(followed: &[PatternHistory], has_point: bool) -> Result<String, CliError> {
     let header = [
         "pattern",
         "time_s",
@@ -466,8 +504,13 @@ fn steps_table(followed: &[PatternHistory]) -> Result<String, CliError> {
     let rows = followed
         .iter()
         .enumerate()
-        .flat_map(|(pattern, PatternHistory { history, .. })| {
+        .flat_map(|(pattern, PatternHistory { history, at_point, .. })| {
             let current = history.current();
+            let of_point = move |step: usize| {
+                let known = history.kept.iter().zip(at_point.iter().flatten());
+                let mut known = known.filter(|(at, _)| **at == step);
+                known.next().map_or_else(String::new, |(_, mm)| mm.to_string())
+            };
             let row = move |(at, instant): (usize, &Instant)| {
                 let numbers = [
                     instant.time,
@@ -483,7 +526,11 @@ fn steps_table(followed: &[PatternHistory]) -> Result<String, CliError> {
                     instant.supplied,
                 ];
                 let numbers = numbers.iter().map(ToString::to_string);
-                std::iter::once(pattern.to_string()).chain(numbers).collect()
+                let point = has_point.then(|| of_point(at));
+                std::iter::once(pattern.to_string())
+                    .chain(numbers)
+                    .chain(point)
+                    .collect()
             };
             history
                 .instants
@@ -492,12 +539,25 @@ fn steps_table(followed: &[PatternHistory]) -> Result<String, CliError> {
                 .map(row)
                 .collect::<Vec<Vec<String>>>()
         });
-    csv::text(&header.map(str::to_owned), rows)
+    let header = header.into_iter().chain(has_point.then_some("point_displacement_mm"));
+    csv::text(&header.map(str::to_owned).collect::<Vec<_>>(), rows)
 }
 
-fn curves(followed: &[PatternHistory]) -> Vec<figures::Motion> {
+/// Returns the curves of the points that move most, or those of the requested point.
+fn curves(followed: &[PatternHistory], probe: Option<&Probe>) -> Vec<figures::Motion> {
+    if let Some(probe) = probe {
+        let motion = |(index, one): (usize, &PatternHistory)| figures::Motion {
+            name: format!("pattern {index}"),
+            place: Some(probe.title_from_rest()),
+            time: one.history.asked().map(|instant| instant.time).collect(),
+            displacement: one.at_point.clone().unwrap_or_default(),
+            end: (!one.history.outcome.is_converged()).then(|| one.history.outcome.name().to_owned()),
+        };
+        return followed.iter().enumerate().map(motion).collect();
+    }
     let motion = |(index, PatternHistory { history, .. }): (usize, &PatternHistory)| figures::Motion {
         name: format!("pattern {index}"),
+        place: None,
         time: history.instants.iter().map(|instant| instant.time).collect(),
         displacement: history.instants.iter().map(|instant| instant.watched).collect(),
         end: (!history.outcome.is_converged()).then(|| history.outcome.name().to_owned()),
@@ -509,21 +569,12 @@ fn curves(followed: &[PatternHistory]) -> Vec<figures::Motion> {
 const MAX_ROWS: usize = 30;
 
 /// Lists the patterns with their output times, or with the last one only if these are too many.
-fn overview(followed: &[PatternHistory]) -> table::Table {
-    let header = [
-        "pattern",
-        "outcome",
-        "time",
-        "displacement",
-        "error in time",
-        "error in space",
-        "steps",
-    ];
-    let mut table = table::table(
-        &header,
-        &["time", "displacement", "error in time", "error in space", "steps"],
-    )
-    .dispensable(&["steps", "error in space", "error in time"]);
+fn overview(followed: &[PatternHistory], probe: Option<&Probe>) -> table::Table {
+    let title = probe.map(Probe::title_from_rest);
+    let mut header = vec!["pattern", "outcome", "time", "displacement"];
+    header.extend(title.as_deref());
+    header.extend(["error in time", "error in space", "steps"]);
+    let mut table = table::table(&header, &header[2..]).dispensable(&["steps", "error in space", "error in time"]);
     let are_all = followed.iter().map(|one| one.largest.len()).sum::<usize>() <= MAX_ROWS;
     for (
         index,
@@ -531,11 +582,13 @@ fn overview(followed: &[PatternHistory]) -> table::Table {
             history,
             space_error_mm,
             largest,
+            at_point,
             ..
         },
     ) in followed.iter().enumerate()
     {
-        let each = || history.asked().zip(largest);
+        let of_point = |at: usize| Some(at_point.as_ref()?.get(at).copied());
+        let each = || history.asked().zip(largest).enumerate();
         let error = known_error_mm(history.time_error_mm, *space_error_mm);
         let displacement = |mm: f64| match error {
             Some(error) => format!("{} mm", rounded_by(mm, error)),
@@ -547,21 +600,29 @@ fn overview(followed: &[PatternHistory]) -> table::Table {
             true => largest.len().saturating_sub(1),
             false => 0,
         };
-        for (instant, largest) in each().take(before) {
-            let [none, more, others, steps] = [(); 4].map(|()| String::new());
-            let moved = displacement(*largest);
-            table.add_row([index.to_string(), none, at(instant.time), moved, more, others, steps]);
+        let row = |outcome: String, place: Option<(usize, (&Instant, &f64))>| {
+            let mut row = vec![
+                index.to_string(),
+                outcome,
+                or_dash(place.map(|(_, (instant, _))| at(instant.time))),
+                or_dash(place.map(|(_, (_, largest))| displacement(*largest))),
+            ];
+            let point = of_point(place.map_or(usize::MAX, |(at, _)| at));
+            row.extend(point.map(|mm| or_dash(mm.map(displacement))));
+            row
+        };
+        for place in each().take(before) {
+            let mut row = row(String::new(), Some(place));
+            row.extend([(); 3].map(|()| String::new()));
+            table.add_row(row);
         }
-        let last = each().last();
-        table.add_row([
-            index.to_string(),
-            history.outcome.to_string(),
-            or_dash(last.map(|(instant, _)| at(instant.time))),
-            or_dash(last.map(|(_, largest)| displacement(*largest))),
+        let mut row = row(history.outcome.to_string(), each().last());
+        row.extend([
             or_dash(history.time_error_mm.map(|error| format!("{} mm", error_digits(error)))),
             or_dash(space_error_mm.map(|error| format!("{} mm", error_digits(error)))),
             history.instants.len().to_string(),
         ]);
+        table.add_row(row);
     }
     table
 }
@@ -649,6 +710,9 @@ fn document((index, found): (usize, &PatternHistory)) -> Value {
         "steps": history.instants.len(),
         "newton_iterations": history.newton_steps,
     });
+    if let Some(mm) = &found.at_point {
+        own["along_mm"] = json!(mm);
+    }
     if let Some(sides) = &found.sides {
         extend(&mut own, sides.document());
     }

@@ -7,7 +7,7 @@ use super::SolveArguments;
 use super::simulation::{Computation, PatternSolver, Simulation};
 use crate::job::{JobResult, extend};
 use crate::text::Text;
-use crate::{CliError, Exit, Output, table};
+use crate::{CliError, Exit, Output, model_warnings, table};
 use deaflow_base::four_digits;
 use deaflow_content::{CoveredCells, DrawnElectrodes, Inflations, Packed};
 use deaflow_fem::screening::resolve;
@@ -185,7 +185,8 @@ pub fn components(displacement: &Field, heights: &[f64]) -> impl Iterator<Item =
 fn warnings(scene: &Scene, found: &[Inflated]) -> Vec<String> {
     let of_one = |(index, one): (usize, &Inflated)| compressed(scene, index, one.compressed).filter(|_| is_stable(one));
     let of_all = found.iter().enumerate().filter_map(of_one);
-    breakdown(scene).into_iter().chain(of_all).collect()
+    let neglected = model_warnings::in_space(scene).into_iter().chain(breakdown(scene));
+    neglected.chain(of_all).collect()
 }
 
 /// Warns that an effect is not simulated.

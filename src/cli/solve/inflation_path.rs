@@ -7,7 +7,7 @@ use super::path::offsets;
 use super::simulation::{Computation, PatternSolver, Simulation};
 use crate::job::{Attachments, JobResult};
 use crate::text::Text;
-use crate::{CliError, Exit, Output, csv, table};
+use crate::{CliError, Exit, Output, csv, model_warnings, table};
 use deaflow_base::four_digits;
 use deaflow_content::{CoveredCells, DrawnElectrodes, InflationPaths, Packed};
 use deaflow_fem::{InflationPath, InflationPathSolver, InflationPoint, NoPath, PathEnd, PathParameter, SetupError};
@@ -183,6 +183,8 @@ fn branch((index, path): (usize, &InflationPath)) -> Branch {
             error: None,
             across: across(parameter, point),
         }),
+        // The field under pressure is not compared with the breakdown field.
+        breakdown: None,
     }
 }
 
@@ -192,7 +194,8 @@ fn warnings(scene: &Scene, paths: &[InflationPath]) -> Vec<String> {
         compressed(scene, index, most)
     };
     let of_all = paths.iter().enumerate().filter_map(of_one);
-    breakdown(scene).into_iter().chain(of_all).collect()
+    let neglected = model_warnings::in_space(scene).into_iter().chain(breakdown(scene));
+    neglected.chain(of_all).collect()
 }
 
 /// Describes a limit in what changes.

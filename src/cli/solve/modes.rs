@@ -9,7 +9,7 @@ use super::simulation::{Computation, Form, PatternSolver, Simulation, States};
 use crate::arguments::integer;
 use crate::job::JobResult;
 use crate::text::Text;
-use crate::{CliError, Exit, Output, table};
+use crate::{CliError, Exit, Output, model_warnings, table};
 use deaflow_base::four_digits;
 use deaflow_content::{CoveredCells, DrawnElectrodes, Packed, Vibrations};
 use deaflow_fem::screening::resolve;
@@ -104,7 +104,10 @@ impl Modes {
         )?;
         Ok(Self {
             content: content(computation, &scene, count, &found, seconds),
-            warnings: warnings(&scene, &found),
+            warnings: model_warnings::of_states_of_motion(&scene, computation.patterns)?
+                .into_iter()
+                .chain(warnings(&scene, &found))
+                .collect(),
             found,
         })
     }

@@ -5,18 +5,19 @@ use serde_json::{Value, json};
 use super::simulation::{Computation, Form, PatternSolver, Simulation, States};
 use super::{SolveArguments, inflation_path};
 use crate::job::{Attachments, JobResult, extend};
-use crate::results::{spoken, with_error};
+use crate::point::Probe;
+use crate::results::{breakdown, spoken, with_error};
 use crate::text::Text;
-use crate::{CliError, Exit, Output, csv, table};
+use crate::{CliError, Exit, Output, csv, model_warnings, table};
 use deaflow_base::four_digits;
 use deaflow_content::{CoveredCells, DrawnElectrodes, LoadPaths, Packed, rotations, translations};
 use deaflow_fem::effects::breakdown_strength;
 use deaflow_fem::screening::resolve;
 use deaflow_fem::{
-    CriticalSearch, CriticalVoltage, LoadPath, MeshLimit, NoPath, PathEvent, PathParameter, PathPoint, PathSolver,
-    SetupError, SideState,
+    CriticalSearch, CriticalVoltage, LoadPath, MeshLimit, NoPath, Observe, PathEvent, PathParameter, PathPoint,
+    PathSolver, SetupError, SideState,
 };
-use deaflow_field::Motion;
+use deaflow_field::{Field, Motion};
 use deaflow_pattern::Pattern;
 use deaflow_report::figures::{Branch, Limit, PathAxes, paths_sheet};
 use deaflow_scene::{Body, Edge, Scene, SideSupport, Sides};
@@ -44,14 +45,22 @@ pub fn execute(arguments: &SolveArguments, parameter: PathParameter, output: &Ou
     if simulation.scene.loads.is_some() {
         return inflation_path::execute(simulation, parameter, output);
     }
+    let probe = arguments.point.on(&simulation.scene)?;
     let Paths {
         paths,
         controlled,
         content,
         warnings,
-    } = Paths::follow(&simulation.computation(), parameter)?;
+    } = Paths::follow(&simulation.computation(), parameter, probe)?;
     let branches: Vec<Branch> = paths.iter().enumerate().map(|one| controlled.branch(one)).collect();
     let axes = controlled.axes();
+    let mut found = json!({
+        "parameter": parameter.name(),
+        "paths": paths.iter().map(|path| document(path, &controlled)).collect::<Vec<_>>(),
+    });
+    if let Some(probe) = &probe {
+        found["along"] = probe.document();
+    }
     let result = JobResult {
         patterns: paths.len(),
         arrays: content.object(),
@@ -65,10 +74,7 @@ pub fn execute(arguments: &SolveArguments, parameter: PathParameter, output: &Ou
             draw: Box::new(move |figure| paths_sheet(&branches, &axes)?.write_png(figure)),
         }),
         warnings,
-        document: json!({
-            "parameter": parameter.name(),
-            "paths": paths.iter().map(|path| document(path, &controlled)).collect::<Vec<_>>(),
-        }),
+        document: found,
         text: Text::of(overview(&paths, &controlled)),
         exit: Exit::Done,
     };
@@ -86,21 +92,32 @@ pub struct Paths {
 }
 
 impl Paths {
-    /// Follows the load path of each pattern.
+    /// Follows the load path of each pattern; the displacement of a point is wanted too, if one is given.
     ///
     /// # Errors
     /// When a pattern cannot be simulated, or a path has no start.
-    pub fn follow(computation: &Computation<'_>, parameter: PathParameter) -> Result<Self, CliError> {
+    pub fn follow(
+        computation: &Computation<'_>,
+        parameter: PathParameter,
+        probe: Option<Probe>,
+    ) -> Result<Self, CliError> {
         let scene = resolve(computation.scene)?;
         let options = computation.options()?;
         let solvers = PatternSolver::new(&scene, |scene| {
             let solver = PathSolver::new(scene, options, parameter)?;
             Ok::<_, SetupError>((solver, CriticalSearch::new(scene, options)?))
         })?;
-        let controlled = Controlled::new(&scene, parameter);
+        let controlled = Controlled {
+            probe,
+            ..Controlled::new(&scene, parameter)
+        };
+        let at_point = probe.map(|probe| move |field: &Field| probe.of(field));
+        let observe = at_point.as_ref().map(|at_point| at_point as Observe<'_>);
         let paths = computation.run_at_once(|pattern| {
             let (path, critical) = solvers.with(pattern, |(solver, search)| {
-                let path = solver.path(pattern).map_err(|reason| no_path(reason, parameter));
+                let path = solver
+                    .observed_path(pattern, observe)
+                    .map_err(|reason| no_path(reason, parameter));
                 let limit = path.as_ref().ok().and_then(LoadPath::limit);
                 let limit = limit.filter(|_| parameter == PathParameter::Voltage);
                 let critical = limit.map(|limit| search.from(pattern, solver.solver().mesh(), limit.voltage));
@@ -112,9 +129,13 @@ impl Paths {
         let is_assumed = breakdown_strength(&scene).is_none();
         let breakdown = paths.iter().enumerate();
         let breakdown = breakdown.filter_map(|path| controlled.breakdown(path, is_assumed));
+        let neglected = model_warnings::of_equilibria(&scene, computation.patterns)?;
         Ok(Self {
-            warnings: breakdown.chain(buckling).collect(),
-            content: load_paths(computation.patterns, &paths, scene),
+            warnings: neglected.into_iter().chain(breakdown).chain(buckling).collect(),
+            content: LoadPaths {
+                point: probe.map(|probe| probe.described()),
+                ..load_paths(computation.patterns, &paths, scene)
+            },
             paths,
             controlled,
         })
@@ -146,6 +167,8 @@ fn no_path(reason: NoPath, parameter: PathParameter) -> CliError {
 /// What is changed along paths, and how it is described.
 struct Controlled {
     parameter: PathParameter,
+    /// The point whose displacement is wanted.
+    probe: Option<Probe>,
     /// The bars in their order.
     bars: Vec<Edge>,
     /// Of a load or displacement: its name, its unit and its value at a share of 1, if it is the only one.
@@ -171,6 +194,7 @@ impl Controlled {
         let loads: Vec<(String, f64)> = loads.filter(|(_, newtons)| *newtons > 0.0).collect();
         Self {
             parameter,
+            probe: None,
             bars: sides().filter_map(|(edge, side)| side.bar().map(|_| edge)).collect(),
             full: match (parameter, &loads[..], &given[..]) {
                 (PathParameter::Load, [(name, newtons)], _) => Some((name.clone(), "N", *newtons)),
@@ -197,8 +221,12 @@ impl Controlled {
         }
     }
 
-    /// The value along the vertical axis: the force along a given displacement, or the displacement of a corner.
+    /// The value along the vertical axis: the displacement of the requested point, the force along a given
+    /// displacement, or the displacement of a corner.
     fn across(&self, point: &PathPoint) -> f64 {
+        if let Some(mm) = point.observed {
+            return mm;
+        }
         match (&self.pulled, &point.sides) {
             (Some((edge, [x, y])), Some(sides)) => {
                 let [p, q] = sides.reactions[*edge as usize];
@@ -225,6 +253,10 @@ impl Controlled {
                 _ => unit.to_owned(),
             },
             across: match self.pulled {
+                _ if self.probe.is_some() => {
+                    let title = self.probe.as_ref().map(Probe::title_from_rest);
+                    format!("Displacement {} [mm]", title.unwrap_or_default())
+                }
                 Some(_) => "Force of the bar along its displacement [N]".to_owned(),
                 None => "Displacement of the point that moves most [mm]".to_owned(),
             },
@@ -259,14 +291,17 @@ impl Controlled {
         ))
     }
 
-    /// Warns of an electric field that exceeds the breakdown field on the stable part of a path.
+    /// Warns of an electric field that is close to the breakdown field or exceeds it on the stable part of a path.
     fn breakdown(&self, (index, PatternPath { path, .. }): (usize, &PatternPath), is_assumed: bool) -> Option<String> {
-        let (voltage, share) = breakdown_at(path)?;
-        let from = match self.parameter {
-            PathParameter::Voltage => format!("{} V", four_digits(voltage)),
-            _ => self.text(share),
-        };
         let largest = stable(path).map(|point| point.breakdown_ratio).fold(0.0, f64::max);
+        let Some(reached) = BreakdownPlace::on(path) else {
+            let assumed = if is_assumed { " (Huang's law assumed)" } else { "" };
+            return breakdown(largest).map(|words| format!("pattern {index}: {words}{assumed}"));
+        };
+        let from = match self.parameter {
+            PathParameter::Voltage => format!("{} V", four_digits(reached.between(|point| point.voltage))),
+            _ => self.text(reached.between(|point| point.share)),
+        };
         let before = match path.limit() {
             Some(_) => ", before the loss of stability",
             None => "",
@@ -299,6 +334,8 @@ impl Controlled {
             across: path.points.iter().map(|p| self.across(p)).collect(),
             stable: path.points.iter().map(|p| p.stable).collect(),
             limit,
+            breakdown: BreakdownPlace::on(path)
+                .map(|reached| [reached.between(|p| self.along(p)), reached.between(|p| self.across(p))]),
         }
     }
 }
@@ -308,38 +345,50 @@ fn stable(path: &LoadPath) -> impl Iterator<Item = &PathPoint> {
     path.points.iter().take_while(|point| point.stable)
 }
 
-/// The voltage, and the share of loads or displacements, at which the electric field reaches the breakdown field on the
-/// stable part of a path, between two of its points; `None` if it stays below.
-fn breakdown_at(path: &LoadPath) -> Option<(f64, f64)> {
-    let mut before = None::<&PathPoint>;
-    for point in stable(path) {
-        if point.breakdown_ratio >= 1.0 {
-            let Some(before) = before else {
-                return Some((point.voltage, point.share));
-            };
-            let step = point.breakdown_ratio - before.breakdown_ratio;
-            let part = (1.0 - before.breakdown_ratio) / step;
-            let between = |from: f64, to: f64| from + part * (to - from);
-            return Some((
-                between(before.voltage, point.voltage),
-                between(before.share, point.share),
-            ));
-        }
-        before = Some(point);
+/// Where the electric field reaches the breakdown field on the stable part of a path, between two of its points.
+struct BreakdownPlace<'a> {
+    points: [&'a PathPoint; 2],
+    /// The share of the way from the first of them.
+    part: f64,
+}
+
+impl<'a> BreakdownPlace<'a> {
+    /// Returns the place; `None` if the field stays below.
+    fn on(path: &'a LoadPath) -> Option<Self> {
+        let at = stable(path).position(|point| point.breakdown_ratio >= 1.0)?;
+        let points = [at.saturating_sub(1), at].map(|at| &path.points[at]);
+        let step = points[1].breakdown_ratio - points[0].breakdown_ratio;
+        Some(Self {
+            points,
+            part: match step > 0.0 {
+                true => (1.0 - points[0].breakdown_ratio) / step,
+                false => 0.0,
+            },
+        })
     }
-    None
+
+    /// Returns a value there.
+    fn between(&self, value: impl Fn(&PathPoint) -> f64) -> f64 {
+        let [from, to] = self.points.map(value);
+        from + self.part * (to - from)
+    }
 }
 
 /// Lists the patterns.
 fn overview(paths: &[PatternPath], controlled: &Controlled) -> table::Table {
     let parameter = controlled.parameter;
+    let title = controlled.probe.as_ref().map(Probe::title_from_rest);
     let mut header = vec!["pattern", "limit", parameter.name(), "on this mesh", "points", "end"];
+    if let Some(title) = &title {
+        header.insert(4, title);
+    }
     if parameter != PathParameter::Voltage {
         // There is no search on a second mesh.
         header.remove(2);
     }
     let numbers: Vec<&str> = [parameter.name(), "on this mesh", "points"]
         .into_iter()
+        .chain(title.as_deref())
         .filter(|name| header.contains(name))
         .collect();
     let mut table = table::table(&header, &numbers).dispensable(&["points"]);
@@ -362,6 +411,11 @@ fn overview(paths: &[PatternPath], controlled: &Controlled) -> table::Table {
             path.points.len().to_string(),
             spoken(path.end.name()).to_owned(),
         ];
+        if title.is_some() {
+            let last = limit.map_or(path.points.len().checked_sub(1), |limit| Some(limit.point));
+            let mm = last.and_then(|at| path.points.get(at)?.observed);
+            row.insert(3, or_dash(mm.map(|mm| format!("{} mm", four_digits(mm)))));
+        }
         if parameter == PathParameter::Voltage {
             row.insert(2, or_dash(critical.map(|critical| with_error(&critical))));
         }
@@ -382,6 +436,9 @@ fn document(PatternPath { path, critical }: &PatternPath, controlled: &Controlle
             "negative_eigenvalues": p.negative_eigenvalues,
             "stable": p.stable,
         });
+        if let Some(mm) = p.observed {
+            point["along_mm"] = json!(mm);
+        }
         if controlled.parameter != PathParameter::Voltage {
             point["share"] = json!(p.share);
         }
@@ -426,7 +483,9 @@ fn document(PatternPath { path, critical }: &PatternPath, controlled: &Controlle
         .map(|limit| json!({ "voltage": limit.voltage, "share": limit.share, "point": limit.point }));
     json!({
         "out_of_plane": out_of_plane,
-        "breakdown": breakdown_at(path).map(|(voltage, share)| json!({ "voltage": voltage, "share": share })),
+        "breakdown": BreakdownPlace::on(path).map(|reached| {
+            json!({ "voltage": reached.between(|point| point.voltage), "share": reached.between(|point| point.share) })
+        }),
         "limit": with_error.or_else(|| path.limit().as_ref().and_then(on_this_mesh)),
         "watched_corner": path.watched,
         "points": points.collect::<Vec<_>>(),
@@ -509,6 +568,8 @@ fn load_paths(patterns: &[Pattern], followed: &[PatternPath], scene: Scene) -> L
         wrinkled_fraction: points().map(|p| p.compressed).collect(),
         out_of_plane_unstable: points().map(|p| p.out_of_plane_unstable as u64).collect(),
         breakdown_ratio: points().map(|p| p.breakdown_ratio).collect(),
+        at_point: points().map(|p| p.observed).collect(),
+        point: None,
         scene,
     }
 }
@@ -558,6 +619,7 @@ fn points_table(paths: &[PatternPath], controlled: &Controlled) -> Result<String
         header.push("wrinkled_fraction".to_owned());
     }
     header.extend(["out_of_plane_unstable", "breakdown_ratio"].map(str::to_owned));
+    header.extend(controlled.probe.map(|_| "point_displacement_mm".to_owned()));
     let rows = paths.iter().enumerate().flat_map(|(index, PatternPath { path, .. })| {
         path.points.iter().enumerate().map(move |(row, point)| {
             let event = path.events.iter().find(|event| event.point == row);
@@ -585,6 +647,7 @@ fn points_table(paths: &[PatternPath], controlled: &Controlled) -> Result<String
             row.extend(point.compressed.map(|share| share.to_string()));
             row.push(point.out_of_plane_unstable.to_string());
             row.push(point.breakdown_ratio.to_string());
+            row.extend(point.observed.map(|mm| mm.to_string()));
             row
         })
     });

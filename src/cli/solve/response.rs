@@ -9,7 +9,7 @@ use super::simulation::{Computation, Form, PatternSolver, Simulation, States};
 use crate::arguments::{integer, quantity};
 use crate::job::{Attachments, JobResult};
 use crate::text::Text;
-use crate::{CliError, Exit, Output, csv, table};
+use crate::{CliError, Exit, Output, csv, model_warnings, table};
 use deaflow_base::{Dimension, four_digits, with_minus};
 use deaflow_content::{DrawnElectrodes, FrequencyResponses, Lines, Packed};
 use deaflow_fem::screening::resolve;
@@ -203,15 +203,18 @@ impl Responses {
         )?;
         let motion = |one| WatchedMotion::new(one, frequencies.len());
         let motions: Vec<WatchedMotion> = found.iter().map(motion).collect();
+        let neglected = model_warnings::of_states_of_motion(&scene, computation.patterns)?;
+        let warnings = [neglected, warnings(&scene)].concat();
         let content = FrequencyResponses {
             solve_seconds,
+            warnings: Lines(warnings.clone()),
             ..content(computation, &scene, frequencies, &found, &motions)
         };
         Ok(Self {
             found,
             motions,
             content,
-            warnings: warnings(&scene),
+            warnings,
         })
     }
 }
@@ -342,7 +345,7 @@ fn content(
         scene: computation.scene.with_effects(scene.effects.clone()),
         solver: computation.solver(),
         effects: scene.effects.clone(),
-        warnings: Lines(warnings(scene)),
+        warnings: Lines(Vec::new()),
     }
 }
 

@@ -183,6 +183,8 @@ pub struct PathPoint {
     pub max_displacement: f64,
     /// Such a displacement in mm at the corner of [`LoadPath::watched`].
     pub displacement: f64,
+    /// What is observed of this displacement, if something is.
+    pub observed: Option<f64>,
     /// What the sides do, if not all are held.
     pub sides: Option<SideState>,
     /// The smallest eigenvalue μ of K v = μ L v, with the Laplacian L: near 1 at rest, zero at the loss of stability.
@@ -259,6 +261,9 @@ pub enum NoPath {
     Memory,
 }
 
+/// A number that is observed of the displacement of each point of a path, in mm at the cell corners.
+pub type Observe<'a> = &'a (dyn Fn(&Field) -> f64 + Sync);
+
 /// Follows load paths of a scene.
 pub struct PathSolver {
     parameter: PathParameter,
@@ -292,10 +297,19 @@ impl PathSolver {
     /// # Errors
     /// If there is no stable first state, or memory is short.
     pub fn path(&self, pattern: &Pattern) -> Result<LoadPath, NoPath> {
+        self.observed_path(pattern, None)
+    }
+
+    /// The same, with what is observed of the displacement of each point: from the first point where sides are not
+    /// held, else from the mount.
+    ///
+    /// # Errors
+    /// As for [`PathSolver::path`].
+    pub fn observed_path(&self, pattern: &Pattern, observe: Option<Observe<'_>>) -> Result<LoadPath, NoPath> {
         let Some(start) = &self.start else {
             let is_known = !self.solver.lacks_rest(pattern);
-            let path = is_known.then(|| self.solver.path(pattern)).ok_or(NoPath::Start)?;
-            return path.ok_or(NoPath::Memory);
+            let path = is_known.then(|| self.solver.observed_path(pattern, observe));
+            return path.ok_or(NoPath::Start)?.ok_or(NoPath::Memory);
         };
         let first = start.solve(pattern);
         if !first.outcome.is_converged() {
@@ -309,6 +323,7 @@ impl PathSolver {
             voltage: self.solver.scene.voltage_v(),
             parameter: self.parameter,
             start: Some(first.displacement),
+            observe,
         });
         path.ok_or(NoPath::Memory)
     }
@@ -319,6 +334,10 @@ impl MembraneSolver {
     /// or if there is no state at rest.
     #[must_use]
     pub fn path(&self, pattern: &Pattern) -> Option<LoadPath> {
+        self.observed_path(pattern, None)
+    }
+
+    fn observed_path(&self, pattern: &Pattern, observe: Option<Observe<'_>>) -> Option<LoadPath> {
         let (model, voltage) = self.driven().ok()?;
         model.with(Follow {
             solver: self,
@@ -328,6 +347,7 @@ impl MembraneSolver {
             voltage,
             parameter: PathParameter::Voltage,
             start: None,
+            observe,
         })
     }
 }
@@ -343,6 +363,7 @@ struct Follow<'a> {
     parameter: PathParameter,
     /// The first state, where something else than the voltage changes.
     start: Option<Vec<f64>>,
+    observe: Option<Observe<'a>>,
 }
 
 /// What is found of a state beside its stability in the plane.
@@ -373,6 +394,7 @@ impl Follow<'_> {
             share,
             max_displacement: 0.0,
             displacement: 0.0,
+            observed: None,
             sides: checks.reactions.map(|reactions| SideState {
                 bars: grid.bar_motions(&state.u).unwrap_or_default(),
                 reactions,
@@ -415,6 +437,7 @@ impl Follow<'_> {
             PathPoint {
                 max_displacement: moved.max_magnitude(),
                 displacement: x.hypot(y),
+                observed: self.observe.map(|observe| observe(&moved)),
                 ..point.clone()
             }
         });

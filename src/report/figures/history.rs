@@ -7,9 +7,11 @@ use crate::drawing::{Axis, Chart, FigureError, LARGE, MAX_NAMED, Mark, Series, S
 pub struct Motion {
     /// Its name.
     pub name: String,
+    /// The point and its direction; none for the point that moves most.
+    pub place: Option<String>,
     /// Time in s.
     pub time: Vec<f64>,
-    /// Displacement magnitude in mm.
+    /// Displacement of that point in mm.
     pub displacement: Vec<f64>,
     /// Why it ends early, if it does.
     pub end: Option<String>,
@@ -37,10 +39,12 @@ fn history_chart(motions: &[Motion], is_wide: bool) -> Result<Chart, FigureError
         true => Axis::logarithmic("Time [s]", times),
         false => Axis::linear("Time [s]", 0.0, last),
     };
-    let y = Axis::above(
-        "Displacement of the point that moves most [mm]",
-        motions.iter().flat_map(|m| &m.displacement),
-    );
+    let place = motions.iter().find_map(|motion| motion.place.as_deref());
+    let name = match place {
+        Some(place) => format!("Displacement {place} [mm]"),
+        None => "Displacement of the point that moves most [mm]".to_owned(),
+    };
+    let y = Axis::above(&name, motions.iter().flat_map(|m| &m.displacement));
     let shown: Vec<bool> = motions.iter().map(|m| m.time.iter().any(|t| x.shows(*t))).collect();
     let named = (2..=MAX_NAMED).contains(&motions.len());
     let mut series = Vec::new();

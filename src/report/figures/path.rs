@@ -17,6 +17,8 @@ pub struct Branch {
     pub stable: Vec<bool>,
     /// The end of the stable part that starts at rest.
     pub limit: Option<Limit>,
+    /// Where the electric field reaches the breakdown field on that part: what changes, and the displacement or force.
+    pub breakdown: Option<[f64; 2]>,
 }
 
 /// The end of a stable part.
@@ -87,6 +89,7 @@ fn paths_chart(branches: &[Branch], names: &PathAxes) -> Result<Chart, FigureErr
         let name = if named { branch.name.as_str() } else { "" };
         series.extend(branch.curve(name, colour));
         series.extend(branch.mark(colour, branches.len() == 1));
+        series.extend(branch.mark_breakdown(branches.len() == 1));
     }
     Ok(Chart::new(title, axes, series).with_size(LARGE))
 }
@@ -108,6 +111,20 @@ impl Branch {
             first += same;
         }
         runs
+    }
+
+    /// Draws where the electric field reaches the breakdown field, with words if there is space.
+    fn mark_breakdown(&self, named: bool) -> Vec<Series> {
+        let Some([along, across]) = self.breakdown else {
+            return Vec::new();
+        };
+        let at = vec![(along, across)];
+        let mut marks = vec![Series::new("", Colour::Vermillion, Mark::Dots, at.clone())];
+        if named {
+            let words = vec!["breakdown field".to_owned()];
+            marks.push(Series::new("", Colour::Vermillion, Mark::Labelled, at).with_texts(words));
+        }
+        marks
     }
 
     /// Draws the limit with its error, and its name if there is space.

@@ -88,6 +88,7 @@ fn branches(n: usize) -> Vec<Branch> {
             error: Some(0.01 * top),
             across: 1.0,
         }),
+        breakdown: None,
     };
     (0..n)
         .map(|k| one(&format!("pattern {k}"), 4.0 + 0.5 * k as f64))
@@ -332,6 +333,21 @@ fn incomplete_data_is_refused_and_unusual_data_is_drawn() {
     draw(accuracy_sheet(&odd));
     let nowhere = training(1).sheet().unwrap().write_png(Path::new("/nonexistent/x.png"));
     assert!(matches!(nowhere, Err(FigureError::Output(_))));
+}
+
+#[test]
+fn a_path_marks_where_the_field_reaches_that_of_breakdown() {
+    let drawn = |breakdown: Option<[f64; 2]>| {
+        let branch = Branch {
+            breakdown,
+            ..branches(1).remove(0)
+        };
+        paths_sheet(&[branch], &volts()).unwrap().markup.into_string()
+    };
+    let words = "breakdown field";
+    assert!(!drawn(None).contains(words));
+    let marked = drawn(Some([3.0, 0.3]));
+    assert!(marked.contains(words), "{marked}");
 }
 
 #[test]

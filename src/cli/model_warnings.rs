@@ -1,0 +1,50 @@
+//! Warnings about effects that simulations neglect, of those about which a scene has data.
+
+use deaflow_fem::screening::{ScreenedScene, TestPattern, resolve_states};
+use deaflow_fem::{SetupError, WorkLimit};
+use deaflow_pattern::Pattern;
+use deaflow_scene::Scene;
+
+/// Screens a scene for effects that the simulations of patterns neglect, a device at its largest voltages.
+///
+/// # Errors
+/// If its effects cannot be simulated.
+pub fn screened(scene: &Scene, tests: &[TestPattern]) -> Result<ScreenedScene, SetupError> {
+    let largest = match scene.states.is_empty() {
+        true => scene.clone(),
+        false => resolve_states(scene)?.at_largest_voltages(),
+    };
+    ScreenedScene::for_patterns(&largest, tests, WorkLimit::default())
+}
+
+/// Warns of effects that matter for some equilibria of patterns and are off, a line each.
+///
+/// # Errors
+/// If the effects of the scene cannot be simulated.
+pub fn of_equilibria(scene: &Scene, patterns: &[Pattern]) -> Result<Vec<String>, SetupError> {
+    let found = screened(scene, &TestPattern::some_of(patterns, "pattern"))?;
+    let is_checked = |line: &String| Some(line) != found.not_checked.as_ref();
+    Ok(found.warnings.iter().filter(|line| is_checked(line)).cloned().collect())
+}
+
+/// The same about equilibria from which a motion starts: what an equilibrium ignores of the time does not count.
+///
+/// # Errors
+/// If the effects of the scene cannot be simulated.
+pub fn of_states_of_motion(scene: &Scene, patterns: &[Pattern]) -> Result<Vec<String>, SetupError> {
+    let found = screened(scene, &TestPattern::some_of(patterns, "pattern"))?;
+    let in_time = [found.warnings_in_time, found.not_checked.into_iter().collect()];
+    let is_of_both = |line: &String| in_time[0].contains(line) && !in_time[1].contains(line);
+    Ok(found.warnings.into_iter().filter(is_of_both).collect())
+}
+
+/// Warns of strain stiffening that is off although the scene has its data: a membrane in space is not screened, and
+/// stretches more than a flat one.
+pub fn in_space(scene: &Scene) -> Option<String> {
+    let is_off = scene.effects.strain_stiffening.is_none() && scene.properties.strain_stiffening.is_some();
+    is_off.then(|| {
+        "strain stiffening is off and was not checked in space, where it can matter: the scene has its data; add \
+         `strain_stiffening: {}` to `effects`"
+            .to_owned()
+    })
+}
