@@ -1,5 +1,5 @@
-//! The scenes that the designs of a verify stage were made for. A prediction for another scene says nothing about the
-//! accuracy of the evaluator.
+//! What the searches of the designs of a verify stage knew: the scenes that the designs were made for, as a prediction
+//! for another scene says nothing about the accuracy of the evaluator, and the values of robust objectives.
 
 use std::collections::BTreeMap;
 
@@ -13,21 +13,31 @@ use deaflow_store::StoreError;
 /// What a row has in the design stage and in the verify stage: case, target, role, number and units.
 type Identity = (String, String, Role, u64, u64);
 
-/// Returns for each row of a verify stage with a scene how the scene of its design differs, `there` and `here`; `None`
-/// if it does not, or if the design is no longer in the store.
+/// What the design stage of a row knew.
+#[derive(Clone, Debug, Default)]
+pub struct Searched {
+    /// How its scene differs from that of the verify stage, `there` and `here`; `None` if it does not.
+    pub other_scene: Option<String>,
+    /// The value of a `robust` objective, as predicted by the search; that as drawn of other objectives. `None` if no
+    /// objective of the stage is robust.
+    pub robust: Option<f64>,
+}
+
+/// Returns for each row of a verify stage with a scene what its design stage knew; nothing if the design is no longer
+/// in the store.
 ///
 /// # Errors
 /// If an artifact is damaged or does not have the content of its kind.
-pub fn other_scenes(
+pub fn searched(
     source: &ArtifactReader<'_>,
     rows: &DesignRowsView<'_>,
     scene: &Scene,
-) -> Result<Vec<Option<String>>, ReportError> {
+) -> Result<Vec<Searched>, ReportError> {
     // Stages keep only as much of the time of the drive, and of the properties, as they need.
     let here = scene.without_time();
     let provenance = source.artifact.provenance()?;
     let inputs = provenance.get("inputs").map_or("", String::as_str).lines();
-    let mut differences: BTreeMap<Identity, Option<String>> = BTreeMap::new();
+    let mut known: BTreeMap<Identity, Searched> = BTreeMap::new();
     for digest in inputs.filter_map(|input| input.parse().ok()) {
         let input = match source.artifact.sibling(&digest) {
             Ok(input) => input,
@@ -41,12 +51,16 @@ pub fn other_scenes(
         let there = source.of(view.scene().read())?.without_time();
         let found = there.differences(&here);
         let found = (!found.is_empty()).then(|| Difference::listed(&found));
-        for identity in source.of(identities(&view.rows()))? {
+        let robust = source.of(view.robust().read())?;
+        for (row, identity) in source.of(identities(&view.rows()))?.into_iter().enumerate() {
             // Of repeated rows, a verify stage keeps the first.
-            differences.entry(identity).or_insert_with(|| found.clone());
+            known.entry(identity).or_insert_with(|| Searched {
+                other_scene: found.clone(),
+                robust: robust.as_ref().and_then(|values| values.get(row).copied()),
+            });
         }
     }
-    let of_row = |identity| differences.get(&identity).cloned().flatten();
+    let of_row = |identity| known.get(&identity).cloned().unwrap_or_default();
     Ok(source.of(identities(rows))?.into_iter().map(of_row).collect())
 }
 

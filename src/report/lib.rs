@@ -37,7 +37,7 @@ mod write_report;
 
 pub use artifacts::{ArtifactReader, RunArtifacts, StageArtifact};
 pub use background_figures::BackgroundFigures;
-pub use designs::{Design, designs};
+pub use designs::{Design, Objective, designs};
 pub use error::ReportError;
 pub use fabrication::FabricationSheet;
 pub use figure_files::{FigureFile, figures_of, remove_figures};

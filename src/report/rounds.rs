@@ -262,6 +262,8 @@ impl fmt::Display for RoundsSummary {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use deaflow_field::OutcomeKind;
     use deaflow_pattern::Role;
@@ -276,6 +278,9 @@ mod tests {
             area: 0.5,
             area_mm2: 1250.0,
             predicted_mm: Some(predicted),
+            robust_mm: None,
+            predicted_deg: None,
+            simulated_deg: None,
             simulated_mm: simulated,
             simulated_error_mm: None,
             difference_mm: simulated.map(|simulated| predicted - simulated),
@@ -288,6 +293,7 @@ mod tests {
             ratio_to_optimum: None,
             optimum_is: None,
             other_scene: None,
+            objective: Arc::default(),
             constraints: String::new(),
         }
     }

@@ -2,22 +2,25 @@
 //! at its own area and at equal area (a gain at a larger area only would be misleading), and their ratios to the
 //! optimum.
 
+use std::collections::BTreeMap;
 use std::fmt;
+use std::sync::Arc;
 
 use serde::Serialize;
 
 use super::artifacts::ArtifactReader;
-use super::designed_for::other_scenes;
-use super::designs::{Compared, LEAST_MM, comparison, gain, is_to_be_met};
+use super::designed_for;
+use super::designs::{Compared, LEAST_MM, Objective, comparison, gain};
 use super::error::ReportError;
 use super::format::{change, counted, mm, mm_measured, percents, three};
 use super::intervals::{self, NetworkInterval};
 use super::presenter::Headline;
-use deaflow_base::{measured, rounded_by};
-use deaflow_content::{Verification, predicted_rows};
+use deaflow_base::{four_digits, measured, rounded_by};
+use deaflow_content::{Verification, VerificationView, predicted_rows};
 use deaflow_field::{NO_FIELD, OutcomeKind};
 use deaflow_pattern::Role;
-use deaflow_store::{Artifact, StoreError};
+use deaflow_scene::Scene;
+use deaflow_store::StoreError;
 
 /// Above this relative difference between prediction and simulation, the evaluator is reported as inaccurate.
 pub(super) const TRUSTED: f64 = 0.05;
@@ -67,6 +70,15 @@ pub struct RowSummary {
     pub area_mm2: f64,
     /// By the evaluator, in mm; `None` if it has no field, or was not used.
     pub predicted_mm: Option<f64>,
+    /// The value of a robust objective as predicted by the search, in mm; `None` of other objectives.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub robust_mm: Option<f64>,
+    /// The predicted angle in degrees, if values are arc lengths of rotations.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub predicted_deg: Option<f64>,
+    /// The simulated angle in degrees, if values are arc lengths of rotations.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub simulated_deg: Option<f64>,
     /// By finite elements, in mm; `None` without a stable solution.
     pub simulated_mm: Option<f64>,
     /// Its estimated error, in mm.
@@ -93,6 +105,9 @@ pub struct RowSummary {
     /// How the scene of the prediction differs from that of the simulation, if it does.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub other_scene: Option<String>,
+    /// The objective.
+    #[serde(skip)]
+    pub objective: Arc<Objective>,
     /// The constraints of the target in YAML.
     #[serde(skip)]
     pub constraints: String,
@@ -127,6 +142,13 @@ impl RowSummary {
             .map_or_else(|| mm(value), |error| rounded_by(value, error))
     }
 
+    /// Says what the value of a robust objective is; `None` of other objectives.
+    fn robust_text(&self, unit: &str) -> Option<String> {
+        let (words, value) = (self.objective.robust.as_ref()?, self.robust_mm?);
+        let angle = self.objective.angle(value);
+        Some(format!("{words} {} {unit}{angle} as predicted", mm(value)))
+    }
+
     fn same_target(&self, other: &Self) -> bool {
         (&self.case, &self.name) == (&other.case, &other.name)
     }
@@ -156,7 +178,7 @@ impl RowSummary {
 /// # Errors
 /// If the artifact does not have the content of its kind.
 pub fn read(source: &ArtifactReader<'_>) -> Result<VerificationSummary, ReportError> {
-    let mut rows = source.of(rows(source.artifact))?;
+    let mut rows = rows(source)?;
     if rows.is_empty() {
         return Err(source.wrong("it has no designs"));
     }
@@ -166,9 +188,12 @@ pub fn read(source: &ArtifactReader<'_>) -> Result<VerificationSummary, ReportEr
     rows.iter_mut()
         .zip(intervals)
         .for_each(|(row, interval)| row.interval = interval);
-    for (row, other) in rows.iter_mut().zip(other_scenes(source, &view, &scene)?) {
-        row.difference_mm = row.difference_mm.filter(|_| other.is_none());
-        row.other_scene = other;
+    for (row, search) in rows.iter_mut().zip(designed_for::searched(source, &view, &scene)?) {
+        let is_same = search.other_scene.is_none();
+        row.difference_mm = row.difference_mm.filter(|_| is_same);
+        let is_robust = row.objective.robust.is_some() && row.predicted_mm.is_some();
+        row.robust_mm = search.robust.filter(|_| is_same && is_robust);
+        row.other_scene = search.other_scene;
     }
     let compared: Vec<RowSummary> = rows.iter().map(|row| compared(row, &rows)).collect();
     Ok(VerificationSummary {
@@ -202,7 +227,8 @@ impl VerificationSummary {
                 _ => {
                     let drawn = self.rows.iter().find_map(|row| Some((row, row.simulated_mm?)));
                     let drawn = drawn.map_or_else(String::new, |(row, value)| {
-                        format!("; {}: {} {unit}", role_name(row.role), row.rounded(value))
+                        let angle = row.objective.angle(value);
+                        format!("; {}: {} {unit}{angle}", role_name(row.role), row.rounded(value))
                     });
                     format!("{stage}: no stable solution was found for any design that was searched{drawn}")
                 }
@@ -215,8 +241,12 @@ impl VerificationSummary {
                 least = if design.1 < least.1 { design } else { least };
                 most = if design.1 > most.1 { design } else { most };
             }
+            let angles = angles([least, most]);
             let [least, most] = [least, most].map(|(row, value)| row.rounded(value));
-            let text = format!("{stage}: {} designs, simulated {least} to {most} {unit}", designs.len());
+            let text = format!(
+                "{stage}: {} designs, simulated {least} to {most} {unit}{angles}",
+                designs.len()
+            );
             return match designs.iter().filter(|row| !is_met(row)).count() {
                 0 => Headline::good(text),
                 n => Headline::bad(format!("{text}; {n} violate constraints")),
@@ -224,16 +254,28 @@ impl VerificationSummary {
         }
         let mut text = format!("{stage}: best design ({})", role_name(best.role));
         if let Some(predicted) = best.comparable_prediction_mm() {
-            text += &format!(", predicted {} {unit}", mm(predicted));
+            text += &format!(
+                ", predicted {} {unit}{}",
+                mm(predicted),
+                best.objective.angle(predicted)
+            );
         }
         let word = simulation_word(best.outcome);
         let estimated = best.simulated_error_mm.map_or("", |_| " (mesh)");
         text += &format!(
-            ", {word} {} {unit}{estimated}",
-            mm_measured(best_mm, best.simulated_error_mm)
+            ", {word} {} {unit}{estimated}{}",
+            mm_measured(best_mm, best.simulated_error_mm),
+            best.objective.angle(best_mm)
         );
+        if let Some(robust) = best.robust_text(unit) {
+            text += &format!(", {robust}");
+        }
         if let Some(distance) = best.distance_mm {
-            text += &format!(", {} mm from the target", three(distance));
+            text += &format!(
+                ", {} mm{} from the target",
+                three(distance),
+                best.objective.angle(distance)
+            );
         } else if let Some(gain) = best.gain_equal_area {
             text += &format!(", {} over the intuitive design at equal area", change(gain));
             if let Some(own) = best.gain_own_area.filter(|own| (own - gain).abs() > GAIN_DIFFERENCE) {
@@ -335,21 +377,49 @@ pub(super) fn best_rows(rows: &[RowSummary]) -> Vec<usize> {
     (0..rows.len()).filter(|&at| is_best(&rows[at])).collect()
 }
 
-fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, StoreError> {
-    let view = Verification::open(artifact)?;
+/// Reads the rows of a verify stage with their objectives, without comparisons.
+fn rows(source: &ArtifactReader<'_>) -> Result<Vec<RowSummary>, ReportError> {
+    let view = source.of(Verification::open(source.artifact))?;
+    let scene = source.of(view.scene().read())?;
+    let objectives = objectives(source, &source.of(view.rows().objective().read())?.0, &scene)?;
+    source.of(rows_of(&view, &objectives, scene.free_area_mm2()))
+}
+
+/// Returns the objective of each row; rows with the same text share it.
+fn objectives(
+    source: &ArtifactReader<'_>,
+    texts: &[String],
+    scene: &Scene,
+) -> Result<Vec<Arc<Objective>>, ReportError> {
+    let mut known: BTreeMap<&str, Arc<Objective>> = BTreeMap::new();
+    let mut objective = |text| match known.get(text) {
+        Some(objective) => Ok(objective.clone()),
+        None => {
+            let read = Objective::read(text, scene).map_err(|error| source.wrong(error.to_string()))?;
+            Ok(known.entry(text).or_insert(Arc::new(read)).clone())
+        }
+    };
+    texts.iter().map(|text| objective(text.as_str())).collect()
+}
+
+fn rows_of(
+    view: &VerificationView<'_>,
+    objectives: &[Arc<Objective>],
+    free_mm2: f64,
+) -> Result<Vec<RowSummary>, StoreError> {
     let (rows, component) = (view.rows(), view.component().read()?);
     let (cases, names, roles) = (rows.case().read()?, rows.name().read()?, rows.role().read()?);
     let (members, units, areas) = (rows.member().read()?, rows.units().read()?, rows.area().read()?);
     let (outcomes, statuses) = (view.outcome().read()?, rows.status().read()?.0);
-    let (objectives, constraints) = (rows.objective().read()?.0, rows.constraints().read()?.0);
-    let free_mm2 = view.scene().read()?.free_area_mm2();
+    let constraints = rows.constraints().read()?.0;
     let (simulated, predictions) = (view.simulated_rows()?, predicted_rows(&roles));
     let row = |k: usize| {
+        let objective = &objectives[k];
         let prediction = predictions[k].filter(|_| statuses[k] != NO_FIELD);
         let predicted_mm = prediction.map(|at| component.predicted[at]);
         let simulated_mm = simulated[k].map(|row| component.simulated[row]);
         let known = simulated[k].filter(|&row| component.error_known[row] == 1);
-        let with_target = simulated[k].filter(|_| is_to_be_met(&objectives[k]));
+        let with_target = simulated[k].filter(|_| objective.is_met);
         RowSummary {
             case: cases[k].clone(),
             name: names[k].clone(),
@@ -359,6 +429,9 @@ fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, StoreError> {
             area: areas[k],
             area_mm2: areas[k] * free_mm2,
             predicted_mm,
+            robust_mm: None,
+            predicted_deg: predicted_mm.and_then(|value| objective.degrees(value)),
+            simulated_deg: simulated_mm.and_then(|value| objective.degrees(value)),
             simulated_mm,
             simulated_error_mm: known.map(|row| component.error[row]),
             difference_mm: predicted_mm
@@ -373,6 +446,7 @@ fn rows(artifact: &Artifact) -> Result<Vec<RowSummary>, StoreError> {
             ratio_to_optimum: None,
             optimum_is: None,
             other_scene: None,
+            objective: objective.clone(),
             constraints: constraints[k].clone(),
         }
     };
@@ -480,6 +554,15 @@ impl fmt::Display for VerificationSummary {
     }
 }
 
+/// Returns the angles of two values, if both are arc lengths of rotations.
+fn angles(ends: [(&RowSummary, f64); 2]) -> String {
+    let [least, most] = ends.map(|(row, value)| row.objective.degrees(value));
+    let both = least.zip(most);
+    both.map_or_else(String::new, |(least, most)| {
+        format!(" ({} to {}°)", four_digits(least), four_digits(most))
+    })
+}
+
 /// How a simulated displacement is called.
 fn simulation_word(outcome: OutcomeKind) -> &'static str {
     match outcome {
@@ -496,20 +579,31 @@ impl fmt::Display for Line<'_> {
         let Self(row, unit) = self;
         write!(f, "area {:>5.1} %, {:>6} mm²", 100.0 * row.area, three(row.area_mm2))?;
         match row.predicted_mm {
-            Some(value) => write!(f, "  predicted {:>7} {unit}", mm(value))?,
+            Some(value) => write!(f, "  predicted {:>7} {unit}{}", mm(value), row.objective.angle(value))?,
             None => write!(f, "  no prediction       ")?,
         }
         let word = simulation_word(row.outcome);
         match (row.simulated_mm, row.simulated_error_mm) {
-            (Some(value), Some(error)) => write!(f, "  {word} {:>16} {unit}", measured(value, error))?,
-            (Some(value), None) => write!(f, "  {word} {:>7} {unit}", mm(value))?,
+            (Some(value), Some(error)) => {
+                let angle = row.objective.angle(value);
+                write!(f, "  {word} {:>16} {unit}{angle}", measured(value, error))?;
+            }
+            (Some(value), None) => write!(f, "  {word} {:>7} {unit}{}", mm(value), row.objective.angle(value))?,
             (None, _) => write!(f, "  no stable solution was found: {}", row.outcome)?,
+        }
+        if let Some(robust) = row.robust_text(unit) {
+            write!(f, "  {robust}")?;
         }
         if let Some(interval) = &row.interval {
             write!(f, "  {interval}")?;
         }
         if let Some(distance) = row.distance_mm {
-            write!(f, "  {} mm from the target", three(distance))?;
+            write!(
+                f,
+                "  {} mm{} from the target",
+                three(distance),
+                row.objective.angle(distance)
+            )?;
         }
         match (row.gain_own_area, row.gain_equal_area) {
             (Some(own), Some(equal)) => write!(

@@ -61,6 +61,11 @@ pub const FRONT_COLUMNS: [&str; 7] = [
     "charge_nC",
 ];
 
+/// Columns of robust objectives and of rotations, before those of fronts: the value that counts as predicted by the
+/// search, and angles.
+const ROBUST_COLUMNS: [&str; 1] = ["robust_predicted_mm"];
+const ANGLE_COLUMNS: [&str; 3] = ["predicted_deg", "simulated_deg", "simulated_error_deg"];
+
 /// The largest table or page, bytes.
 const MAX_BYTES: u64 = 1 << 30;
 
@@ -264,9 +269,18 @@ fn table_text(designs: &[Design]) -> io::Result<Vec<u8>> {
     writer.write_record(columns(designs))?;
     for design in designs {
         let mut cells = row(design).to_vec();
-        if has_front(designs) {
-            cells.splice(COLUMNS.len() - 1..COLUMNS.len() - 1, front_row(design));
+        let last = cells.pop();
+        if has_robust(designs) {
+            cells.extend([known(design.robust_mm)]);
         }
+        if has_rotation(designs) {
+            let values = [design.predicted_mm, design.simulated_mm, design.error_mm];
+            cells.extend(values.map(|value| known(value.and_then(|value| design.objective.degrees(value)))));
+        }
+        if has_front(designs) {
+            cells.extend(front_row(design));
+        }
+        cells.extend(last);
         writer.write_record(cells)?;
     }
     writer.into_inner().map_err(|e| e.into_error())
@@ -274,11 +288,29 @@ fn table_text(designs: &[Design]) -> io::Result<Vec<u8>> {
 
 /// Returns the columns of the table of some designs.
 fn columns(designs: &[Design]) -> Vec<&'static str> {
-    let mut columns = COLUMNS.to_vec();
-    if has_front(designs) {
-        columns.splice(COLUMNS.len() - 1..COLUMNS.len() - 1, FRONT_COLUMNS);
+    let (mut columns, [.., last]) = (COLUMNS.to_vec(), COLUMNS);
+    columns.pop();
+    if has_robust(designs) {
+        columns.extend(ROBUST_COLUMNS);
     }
+    if has_rotation(designs) {
+        columns.extend(ANGLE_COLUMNS);
+    }
+    if has_front(designs) {
+        columns.extend(FRONT_COLUMNS);
+    }
+    columns.push(last);
     columns
+}
+
+/// Whether some objectives are robust.
+fn has_robust(designs: &[Design]) -> bool {
+    designs.iter().any(|design| design.objective.robust.is_some())
+}
+
+/// Whether the values of some designs are arc lengths of rotations.
+fn has_rotation(designs: &[Design]) -> bool {
+    designs.iter().any(|design| design.objective.arm_mm.is_some())
 }
 
 /// Whether some designs are points of fronts.
@@ -308,8 +340,12 @@ fn number(value: f64) -> String {
     format!("{:.6}", value + 0.0)
 }
 
+/// Writes a number as [`number`]; nothing if it is not known.
+fn known(value: Option<f64>) -> String {
+    value.map_or_else(String::new, number)
+}
+
 fn row(design: &Design) -> [String; COLUMNS.len()] {
-    let known = |value: Option<f64>| value.map_or_else(String::new, number);
     let (compared, interval) = (&design.compared, design.interval.as_ref());
     let is_motion = design.objective.unit() == "mm";
     let of_interval = |of: fn(&NetworkInterval) -> f64| known(interval.map(of));

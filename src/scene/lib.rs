@@ -1,6 +1,7 @@
 //! What is simulated: geometry, material, drive and effects. A scene is checked once, on reading. This crate has no
 //! numerics.
 
+mod body;
 mod canonical;
 mod charge;
 mod components;
@@ -26,6 +27,7 @@ mod tests;
 mod tolerances;
 mod waveform;
 
+pub use body::BodyCorners;
 pub use charge::Charge;
 pub use components::{Components, Springs, Untilted};
 pub use difference::Difference;

@@ -828,6 +828,34 @@ fn groups_are_designed_for_the_states_of_a_device() {
     assert_eq!(report.code, Some(0), "{}", report.stderr);
     let page = std::fs::read_to_string(workspace.path("report/index.html")).unwrap();
     assert!(page.contains("<figcaption>push</figcaption>") && page.contains("180°"));
+    // A rotation is an arc length at the corners of the tip, √8 mm from its centroid; its angle stands beside it.
+    let turned = value[of("turn", "optimum")];
+    let degrees = (turned / 8f64.sqrt()).to_degrees();
+    let angle = format!("({}°)", deaflow::base::four_digits(degrees));
+    assert!(page.contains(&angle.replace(' ', "&nbsp;")), "{angle}");
+    let lines = workspace.run(&["run", "stage.yaml", "-v"]);
+    assert!(lines.stdout.contains(&angle), "{angle} {}", lines.stdout);
+    let mut table = csv::Reader::from_path(workspace.path("report/data/designs.csv")).unwrap();
+    let header = table.headers().unwrap().clone();
+    let column = |name: &str| {
+        header
+            .iter()
+            .position(|own| own == name)
+            .unwrap_or_else(|| panic!("{name}: {header:?}"))
+    };
+    let rows: Vec<csv::StringRecord> = table.records().map(Result::unwrap).collect();
+    let row = |name: &str| {
+        rows.iter()
+            .find(|row| row[0] == *name)
+            .unwrap_or_else(|| panic!("{name}: {rows:?}"))
+    };
+    let listed: f64 = row("turn-optimum")[column("simulated_deg")].parse().unwrap();
+    assert!((listed - degrees).abs() < 1e-5, "{listed} {degrees}");
+    assert_eq!(&row("stroke-optimum")[column("simulated_deg")], "");
+    let sheet = workspace.run(&["report", "stage.yaml", "--sheet", "sheet.html", "--design", "turn"]);
+    assert_eq!(sheet.code, Some(0), "{}", sheet.stderr);
+    let sheet = std::fs::read_to_string(workspace.path("sheet.html")).unwrap();
+    assert!(sheet.contains(&angle), "{angle}");
     let exported = [
         "export",
         "design",

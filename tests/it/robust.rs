@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use deaflow::base::{ArtifactId, Document};
+use deaflow::base::{ArtifactId, Document, four_digits};
 use deaflow::content::Designs;
 use deaflow::design::Objective;
 use deaflow::fem::GradientEvaluator;
@@ -63,7 +63,8 @@ fn designs(workspace: &Workspace, stage: &str) -> Vec<(String, String, Bits, f64
 fn the_genetic_algorithm_counts_the_worst_mask() {
     let workspace = workspace(
         "  d: { kind: design, objective: { point: [25 mm, 25 mm], direction: 0 deg, robust: { worst: [-0.3 mm, 0 mm, 0.3 mm] } }, population: 16,
-       generations: 1, seed: 1 }\n",
+       generations: 1, seed: 1 }
+  v: { kind: verify, needs: [d], elements_per_cell: 1 }\n",
     );
     let found = designs(&workspace, "d");
     let (_, _, _, drawn, worst) = &found.iter().find(|row| row.0 == "intuitive").unwrap();
@@ -73,6 +74,28 @@ fn the_genetic_algorithm_counts_the_worst_mask() {
     for (role, _, _, drawn, worst) in &found {
         assert!(worst <= drawn, "{role}: {worst} {drawn}");
     }
+    the_worst_value_is_told(&workspace, found.iter().find(|row| row.0 == "ga").unwrap().4);
+}
+
+/// After the simulation too, each list of results has the value that counts.
+fn the_worst_value_is_told(workspace: &Workspace, worst: f64) {
+    let worst_text = four_digits(worst);
+    let lines = workspace.run(&["run", "p.yaml", "-v"]);
+    let told = format!("worst of the masks {worst_text} mm as predicted");
+    assert!(lines.stdout.contains(&told), "{told}: {}", lines.stdout);
+    let ended = workspace.run(&["report", "p.yaml", "--until", "v", "-o", "report"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let page = std::fs::read_to_string(workspace.path("report/index.html")).unwrap();
+    let first_screen = &page[..page.find("</section>").unwrap()];
+    let told = format!("worst of the masks: {worst_text}");
+    assert!(first_screen.contains(&told), "{told}: {first_screen}");
+    let mut table = csv::Reader::from_path(workspace.path("report/data/designs.csv")).unwrap();
+    let header = table.headers().unwrap().clone();
+    let column = header.iter().position(|own| own == "robust_predicted_mm").unwrap();
+    let rows: Vec<csv::StringRecord> = table.records().map(Result::unwrap).collect();
+    let own = rows.iter().find(|row| &row[2] == "ga").unwrap();
+    let listed: f64 = own[column].parse().unwrap();
+    assert!((listed - worst).abs() < 1e-6, "{listed} {worst}");
 }
 
 #[test]
@@ -84,8 +107,12 @@ fn a_search_along_the_gradient_gains_in_the_worst_case() {
         )
     };
     let worst = "{ worst: [-0.6 mm, 0 mm, 0.6 mm, { misregistration: [0.5 mm, 0 mm] }] }";
+    let front = format!(
+        "{{ kind: design, starts: 1, seed: 1, pareto: {{ points: 2 }}, objectives: [{{ point: [25 mm, 25 \
+         mm], direction: 0 deg, robust: {worst} }}, {{ area: least }}] }}"
+    );
     let stages = format!(
-        "  plain: {}\n  worst: {}\n  mean: {}\n",
+        "  plain: {}\n  worst: {}\n  mean: {}\n  front: {front}\n",
         stage(""),
         stage(&format!(", robust: {worst}")),
         stage(", robust: { mean_minus: 2 }"),
@@ -115,6 +142,9 @@ fn a_search_along_the_gradient_gains_in_the_worst_case() {
             .unwrap()
     };
     let (plain, robust, mean) = (best("plain"), best("worst"), best("mean"));
+    let lines = workspace.run(&["run", "p.yaml", "-v"]);
+    let told = "; each value is the worst of the masks";
+    assert!(lines.stdout.contains(told), "{}", lines.stdout);
     let same = value_of(&robust.2, worst);
     assert!((same - robust.4).abs() < 1e-12, "{same} {}", robust.4);
     assert!(

@@ -24,10 +24,6 @@ pub(super) const AREAS: [&str; 2] = ["smallest", "largest"];
 /// Range of target area strains.
 const STRAINS: std::ops::RangeInclusive<f64> = 0.0..=1.0;
 
-/// How far inside the border of a body a corner is, at least, as a share of a cell: elements follow the border by
-/// polygons.
-const INSIDE: f64 = 0.25;
-
 /// The keys for the motion of a body.
 const MOTIONS: [&str; 3] = ["direction", "translation", "rotation"];
 
@@ -393,47 +389,19 @@ fn state_index(scene: &Scene, state: Option<&StateName>) -> Result<usize, GoalEr
 fn markers(scene: &Scene, body: usize) -> Result<([f64; 2], BodyMarkers), GoalError> {
     let count = scene.parts().map_or(0, |parts| parts.bodies());
     let missing = || GoalError::Body { found: body, count };
-    let cells = scene.cells_of_body(body);
-    let centroid = scene.centroid_of_body(body).ok_or_else(missing)?;
-    let cell = scene.membrane().cell_mm();
-    let position = |corner: [usize; 2]| [0, 1].map(|axis| corner[axis] as f64 * cell[axis]);
+    let corners = scene.corners_of_body(body).ok_or_else(missing)?;
+    let centroid = corners.centroid_mm;
     let between = |a: [f64; 2], b: [f64; 2]| [b[0] - a[0], b[1] - a[1]];
-    let of_cells = cells
-        .iter()
-        .flat_map(|[x, y]| (0..4).map(move |k| [x + k % 2, y + k / 2]));
-    let (centroid, corners): ([f64; 2], Vec<[usize; 2]>) = match scene.border_of_body(body) {
-        None => (centroid, of_cells.collect()),
-        Some(border) => {
-            let is_inside = |corner: &[usize; 2]| {
-                let [x, y] = position(*corner);
-                let [dx, dy] = cell.map(|side| INSIDE * side);
-                let around = [[x - dx, y], [x + dx, y], [x, y - dy], [x, y + dy]];
-                around.into_iter().all(|place| border.contains(place))
-            };
-            (
-                border.centroid().unwrap_or(centroid),
-                of_cells.filter(is_inside).collect(),
-            )
-        }
-    };
-    let farthest = |from: [f64; 2]| {
-        let distances = corners.iter().map(|&corner| {
-            let [x, y] = between(from, position(corner));
-            (x.hypot(y), corner)
-        });
-        // The first of equal distances.
-        distances.reduce(|best, one| if one.0 > best.0 { one } else { best })
-    };
     let small = || GoalError::SmallBody { body };
-    let (arm_mm, start) = farthest(centroid).ok_or_else(small)?;
-    let (apart, end) = farthest(position(start)).ok_or_else(small)?;
+    let (arm_mm, start) = corners.farthest(centroid).ok_or_else(small)?;
+    let (apart, end) = corners.farthest(corners.place_mm(start)).ok_or_else(small)?;
     if apart == 0.0 {
         return Err(small());
     }
     let markers = BodyMarkers {
         ends: [start, end],
-        start_mm: between(centroid, position(start)),
-        offset_mm: between(position(start), position(end)),
+        start_mm: between(centroid, corners.place_mm(start)),
+        offset_mm: between(corners.place_mm(start), corners.place_mm(end)),
         arm_mm,
     };
     Ok((centroid, markers))
@@ -441,8 +409,8 @@ fn markers(scene: &Scene, body: usize) -> Result<([f64; 2], BodyMarkers), GoalEr
 
 /// The middle of a bar in mm, and its ends as markers.
 fn markers_of_bar(scene: &Scene, edge: Edge) -> Result<([f64; 2], BodyMarkers), GoalError> {
-    let bar = scene.geometry.sides.as_ref().and_then(|sides| sides.of(edge).bar());
-    bar.ok_or(GoalError::Bar { side: edge.name() })?;
+    let arm_mm = scene.arm_of_bar_mm(edge);
+    let arm_mm = arm_mm.ok_or(GoalError::Bar { side: edge.name() })?;
     let membrane = scene.membrane();
     let size = membrane.size_mm;
     let mut offset_mm = [0.0; 2];
@@ -452,7 +420,7 @@ fn markers_of_bar(scene: &Scene, edge: Edge) -> Result<([f64; 2], BodyMarkers), 
         ends: edge.ends(membrane.raster.sides()),
         start_mm: offset_mm.map(|offset| -0.5 * offset),
         offset_mm,
-        arm_mm: 0.5 * size[along],
+        arm_mm,
     };
     Ok((edge.middle(size), markers))
 }

@@ -145,6 +145,7 @@ pub(crate) mod tests {
             simulated: None,
             states: Vec::new(),
             predicted_mm: Some(1.0),
+            robust_mm: None,
             simulated_mm,
             error_mm: None,
             distance_mm: None,

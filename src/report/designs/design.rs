@@ -62,6 +62,8 @@ pub struct Design {
     pub states: Vec<StateField>,
     /// Predicted mean displacement along the target directions, mm; `None` if the evaluator has no field.
     pub predicted_mm: Option<f64>,
+    /// The value of a robust objective as predicted by the search, mm; `None` of other objectives.
+    pub robust_mm: Option<f64>,
     /// The simulated one.
     pub simulated_mm: Option<f64>,
     /// Estimated error of the simulation, mm.
@@ -176,10 +178,29 @@ impl Design {
         gain(self.simulated_mm.filter(|_| !self.objective.is_met)?, other_mm)
     }
 
-    /// Writes a value; one in another unit than mm with its unit.
+    /// Sets the value of a robust objective that the search has predicted; it is ignored if the objective is not
+    /// robust, or there is no prediction.
+    pub(super) fn set_robust(&mut self, value: Option<f64>) {
+        let is_known = self.objective.robust.is_some() && self.predicted_mm.is_some();
+        self.robust_mm = value.filter(|_| is_known);
+    }
+
+    /// Says what the value of a robust objective is, with its unit; `None` of other objectives.
+    #[must_use]
+    pub fn robust_text(&self) -> Option<String> {
+        let (words, value) = (self.objective.robust.as_ref()?, self.robust_mm?);
+        Some(format!(
+            "{words}: {} {}{}, as predicted by the search",
+            mm(value),
+            self.objective.unit(),
+            self.objective.angle(value)
+        ))
+    }
+
+    /// Writes a value; one in another unit than mm with its unit, an arc length with its angle.
     #[must_use]
     pub fn number(&self, value: f64) -> String {
-        self.with_unit(mm(value))
+        self.with_unit(mm(value)) + &self.objective.angle(value)
     }
 
     /// Adds the unit to a number, if it is not mm.

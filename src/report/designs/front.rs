@@ -72,10 +72,7 @@ pub(crate) fn objective_words(text: &str, unit: &str, scene: &Scene) -> String {
     match unit {
         SHARE => "area".to_owned(),
         CHARGE_UNIT => "charge".to_owned(),
-        _ => Objective::read(text, scene).map_or_else(
-            |_| text.to_owned(),
-            |read| format!("{} of {}", read.quantity(), read.description()),
-        ),
+        _ => Objective::read(text, scene).map_or_else(|_| text.to_owned(), |read| read.words()),
     }
 }
 

@@ -10,7 +10,7 @@ mod read;
 mod statistics;
 
 #[cfg(test)]
-pub(super) use {compare::tests, front::FrontPlace, objective::Objective};
+pub(super) use {compare::tests, front::FrontPlace};
 
 pub(super) use compare::{Compared, comparison, gain};
 pub use deaflow_pattern::Role;
@@ -19,7 +19,7 @@ pub use front::OtherObjective;
 pub(super) use front::{in_nano, is_cost, objective_words, point_words};
 pub(super) use membranes::membranes;
 pub(super) use names::is_swept;
-pub use objective::{TargetMotion, is_to_be_met, quantity};
+pub use objective::{Objective, TargetMotion, quantity};
 pub use read::designs;
 pub use statistics::{DesignStatistics, Extreme};
 

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::Path;
 
-use deaflow_base::{Dimension, Document, InputError, Node, Parameter};
+use deaflow_base::{Dimension, Document, InputError, Node, Parameter, four_digits};
 use deaflow_field::REACTION_UNIT;
 use deaflow_scene::{Edge, Scene, Shape};
 
@@ -18,8 +18,10 @@ pub struct Objective {
     pub is_met: bool,
     /// The time or frequency of the objective, if it is not an equilibrium: `after 10 s` or `at 40 Hz`.
     pub moment: Option<String>,
-    /// Whether it counts for electrodes as they may be fabricated.
-    pub is_robust: bool,
+    /// What counts of electrodes as they may be fabricated, if it is robust: `worst of the masks`.
+    pub robust: Option<String>,
+    /// The distance in mm by which an arc length is an angle in rad, if all targets are rotations with the same one.
+    pub arm_mm: Option<f64>,
     /// The objective in the syntax of pipelines.
     pub text: String,
 }
@@ -93,12 +95,16 @@ impl Objective {
             (None, Some(_)) => std::slice::from_ref(root),
             (None, None) => &[],
         };
+        let targets: Vec<TargetPoint> = targets
+            .iter()
+            .map(|one| target_point(one, scene))
+            .collect::<Result<_, _>>()?;
         let value = root
             .peek("value")
             .map(|value| value.quantity("value", Dimension::Length));
         Ok(Self {
             is_met: is_measured_as_distance(root),
-            is_robust: root.peek("robust").is_some(),
+            robust: root.peek("robust").map(robust_words),
             text: text.to_owned(),
             moment: [("time", "after"), ("frequency", "at")]
                 .into_iter()
@@ -106,10 +112,8 @@ impl Objective {
                     let value = root.peek(key)?.text(key).ok()?;
                     Some(format!("{word} {value}"))
                 }),
-            targets: targets
-                .iter()
-                .map(|one| target_point(one, scene))
-                .collect::<Result<_, _>>()?,
+            arm_mm: arm_mm(&targets, scene),
+            targets,
             value_mm: value.transpose()?.map(|value| value.value()),
         })
     }
@@ -124,10 +128,28 @@ impl Objective {
     /// Returns what its values are.
     #[must_use]
     pub fn quantity(&self) -> &'static str {
-        match !self.targets.is_empty() && self.targets.iter().all(|target| target.is_region) {
-            true => "change of the radius",
-            false => quantity(self.unit()),
+        let all = |is: fn(&TargetPoint) -> bool| !self.targets.is_empty() && self.targets.iter().all(is);
+        if all(|target| target.is_region) {
+            "change of the radius"
+        } else if all(TargetPoint::is_rotation) {
+            "arc length"
+        } else {
+            quantity(self.unit())
         }
+    }
+
+    /// Returns the angle in degrees of a value in mm, if values are arc lengths of rotations.
+    #[must_use]
+    pub fn degrees(&self, value_mm: f64) -> Option<f64> {
+        self.arm_mm.map(|arm| (value_mm / arm).to_degrees())
+    }
+
+    /// Writes the angle of a value in mm, to be put behind it: ` (5.670°)`; nothing if values are no arc lengths of
+    /// rotations.
+    #[must_use]
+    pub fn angle(&self, value_mm: f64) -> String {
+        let degrees = self.degrees(value_mm);
+        degrees.map_or_else(String::new, |degrees| format!(" ({}°)", four_digits(degrees)))
     }
 
     /// Returns the points that are listed; none for a field.
@@ -166,6 +188,12 @@ impl Objective {
         words.join(" ")
     }
 
+    /// Says what is measured, and of what, on one line.
+    #[must_use]
+    pub fn words(&self) -> String {
+        format!("{} of {}", self.quantity(), self.description())
+    }
+
     /// Describes the objective on one line.
     #[must_use]
     pub fn description(&self) -> String {
@@ -179,9 +207,9 @@ impl Objective {
             Some(mm) => format!("{what} by {mm} mm"),
             None => what,
         };
-        let what = match self.is_robust {
-            true => format!("{what}, robust (values are those as drawn)"),
-            false => what,
+        let what = match &self.robust {
+            Some(_) => format!("{what}, robust (values are those as drawn)"),
+            None => what,
         };
         match &self.moment {
             Some(moment) => format!("{what} {moment}"),
@@ -191,6 +219,11 @@ impl Objective {
 }
 
 impl TargetPoint {
+    /// Whether a body or a bar is to rotate.
+    fn is_rotation(&self) -> bool {
+        matches!(self.motion, TargetMotion::Turn(_))
+    }
+
     /// Describes the target of one point.
     fn description(&self) -> String {
         let what = match (self.body, self.bar, self.reaction) {
@@ -227,17 +260,34 @@ impl TargetPoint {
     }
 }
 
-/// Whether the objective of this text has a displacement or angle to be reached; false if the text is invalid.
-pub fn is_to_be_met(text: &str) -> bool {
-    let document = Document::from_text(Path::new("objective"), text);
-    document.is_ok_and(|document| is_measured_as_distance(&document.root))
-}
-
 /// Stored objectives always have their measure.
 fn is_measured_as_distance(objective: &Node) -> bool {
     objective
         .peek("measure")
         .is_some_and(|measure| measure.is_text(DISTANCE))
+}
+
+/// Says which value of a `robust` objective counts.
+fn robust_words(robust: &Node) -> String {
+    match robust
+        .peek("mean_minus")
+        .and_then(|factor| factor.text("mean_minus").ok())
+    {
+        Some(factor) => format!("mean of the masks less {factor} standard deviations"),
+        None => "worst of the masks".to_owned(),
+    }
+}
+
+/// Returns the common arm of rotations; `None` if a target is no rotation, or arms differ.
+fn arm_mm(targets: &[TargetPoint], scene: &Scene) -> Option<f64> {
+    let arm = |target: &TargetPoint| match (target.is_rotation(), target.body, target.bar) {
+        (true, Some(body), _) => scene.corners_of_body(body)?.arm_mm(),
+        (true, None, Some(bar)) => scene.arm_of_bar_mm(bar),
+        _ => None,
+    };
+    let first = arm(targets.first()?)?;
+    let is_same = |target: &TargetPoint| arm(target) == Some(first);
+    targets[1..].iter().all(is_same).then_some(first)
 }
 
 /// Returns what values in a unit are.
@@ -391,6 +441,16 @@ mod tests {
             field.description()
         );
         assert!(read("{ point: [1, 2] }").is_err());
+        let robust = |how: &str| {
+            read(&format!("{{ point: [1, 2], direction: 0, robust: {how} }}"))
+                .unwrap()
+                .robust
+        };
+        assert_eq!(robust("{ worst: [-0.3 mm, 0 mm] }").unwrap(), "worst of the masks");
+        assert_eq!(
+            robust("{ mean_minus: 2, mask: 0.1 mm }").unwrap(),
+            "mean of the masks less 2 standard deviations"
+        );
     }
 
     #[test]
@@ -411,8 +471,17 @@ mod tests {
             turned.description(),
             "the mean of body 0 rotated counterclockwise in state push, body 0 at 180° in state pull"
         );
-        assert!(!turned.is_met && of("{ body: 0, rotation: 5 deg, measure: distance }").is_met);
-        assert!(is_to_be_met("{ body: 0, rotation: 5 deg, measure: distance }") && !is_to_be_met("["));
+        assert_eq!((turned.quantity(), turned.degrees(1.0)), ("displacement", None));
+        let rotated = of("{ body: 0, rotation: 5 deg, measure: distance }");
+        assert!(!turned.is_met && rotated.is_met);
+        // The corners of the body of 10 mm × 4 mm are 5.385 mm from its centroid.
+        let arc = 29_f64.sqrt() * 5_f64.to_radians();
+        assert!((rotated.degrees(arc).unwrap() - 5.0).abs() < 1e-12);
+        assert_eq!(
+            (rotated.angle(arc).as_str(), rotated.quantity()),
+            (" (5.000°)", "arc length")
+        );
+        assert_eq!(of("{ body: 0, direction: 0, measure: displacement }").angle(1.0), "");
         assert!(Objective::read("{ body: 1, direction: 0 }", &scene).is_err());
         let region = "region: { rectangle: [[10 mm, 20 mm], [14 mm, 30 mm]] }";
         let grown = of(&format!("{{ {region}, area_strain: largest, measure: displacement }}"));

@@ -8,7 +8,7 @@ use super::front::places;
 use super::names::name;
 use super::objective::Objective;
 use crate::artifacts::{ArtifactReader, RunArtifacts};
-use crate::designed_for::other_scenes;
+use crate::designed_for;
 use crate::drawing::Background;
 use crate::error::ReportError;
 use crate::intervals;
@@ -105,11 +105,16 @@ fn verified(source: &ArtifactReader<'_>) -> Result<Vec<Design>, ReportError> {
     );
     let scene = source.of(view.scene().read())?;
     let states = source.of(view.states().displacement().read_if_there())?;
-    for (design, other) in designs.iter_mut().zip(other_scenes(source, &view.rows(), &scene)?) {
-        if other.is_some() {
+    for (design, search) in designs
+        .iter_mut()
+        .zip(designed_for::searched(source, &view.rows(), &scene)?)
+    {
+        if search.other_scene.is_some() {
             // The design stage has its own row, with the prediction for its scene.
             (design.predicted, design.predicted_mm, design.interval) = (None, None, None);
             design.states.clear();
+        } else {
+            design.set_robust(search.robust);
         }
     }
     for ((design, row), outcome) in designs.iter_mut().zip(rows).zip(outcomes) {
@@ -133,6 +138,10 @@ fn searched(source: &ArtifactReader<'_>) -> Result<Vec<Design>, ReportError> {
     let view = source.of(Designs::open(source.artifact))?;
     let predicted = source.of(view.value().read())?;
     let mut designs = read(source, &view.rows(), &view.scene(), &predicted)?;
+    if let Some(robust) = source.of(view.robust().read())? {
+        let both = designs.iter_mut().zip(robust);
+        both.for_each(|(design, value)| design.set_robust(Some(value)));
+    }
     if let Some(first) = designs.first() {
         let places = places(source, &view, &first.scene.clone())?;
         for (design, place) in designs.iter_mut().zip(places) {
@@ -182,6 +191,7 @@ fn read(
                 _ => Vec::new(),
             },
             predicted_mm: prediction.map(|at| predicted_mm[at]),
+            robust_mm: None,
             simulated_mm: None,
             error_mm: None,
             distance_mm: None,

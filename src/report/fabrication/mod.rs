@@ -126,12 +126,17 @@ impl FabricationSheet<'_> {
         let design = self.design;
         let predicted = design.predicted_mm.map(|value| {
             let unit = design.objective.unit();
-            format!("predicted {} {unit} by the evaluator of the search", mm(value))
+            let angle = design.objective.angle(value);
+            format!("predicted {} {unit}{angle} by the evaluator of the search", mm(value))
         });
         facts(design, None)
             .into_iter()
             .chain(predicted)
-            .chain(design.distance_mm.map(|off| format!("{} mm from the target", mm(off))))
+            .chain(
+                design
+                    .distance_mm
+                    .map(|off| format!("{} mm{} from the target", mm(off), design.objective.angle(off))),
+            )
             .chain(voltages(design))
             .chain(devices)
             .collect()

@@ -117,8 +117,12 @@ fn front(data: &FrontFigure, other: usize) -> Chart {
     let series = Series::new("", Colour::Blue, mark, points).with_texts(texts.collect());
     let title = format!("Front: {} against {}", first.name, second.name);
     let mut chart = Chart::new(title, [x, y], vec![series]).with_size(LARGE);
-    if second.objective != second.name {
-        chart = chart.with_note(format!("{}: {}", second.name, second.objective));
+    let described = [first, second].into_iter().filter(|axis| axis.objective != axis.name);
+    let notes: Vec<String> = described
+        .map(|axis| format!("{}: {}", axis.name, axis.objective))
+        .collect();
+    if !notes.is_empty() {
+        chart = chart.with_note(notes.join("; "));
     }
     chart.inside = Some(inside);
     chart

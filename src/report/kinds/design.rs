@@ -2,7 +2,7 @@
 
 use super::front::{self, FoundFront};
 use crate::artifacts::{ArtifactReader, RunArtifacts};
-use crate::designs::membranes;
+use crate::designs::{Objective, membranes};
 use crate::drawing::{Axis, Chart, Mark, Series, Sheet};
 use crate::error::ReportError;
 use crate::evaluators::{Evaluators, read};
@@ -65,12 +65,18 @@ impl Presenter for DesignPresenter {
                 .filter_map(|search| search.points.last())
                 .map(|(_, mm)| *mm);
             let (stage, unit) = (&source.stage.stage, source.of(view.unit())?);
-            let robust = source.of(robust_value(&view))?;
-            let robust = robust.map_or_else(String::new, |value| format!(" as drawn, robust {} {unit}", mm(value)));
+            let objective = objective(source, &view)?;
+            let angle = |value: f64| objective.as_ref().map_or_else(String::new, |read| read.angle(value));
+            let words = objective.as_ref().and_then(|read| read.robust.as_deref());
+            let robust = words.zip(source.of(robust_value(&view))?);
+            let robust = robust.map_or_else(String::new, |(words, value)| {
+                format!(" as drawn, {words} {} {unit}{}", mm(value), angle(value))
+            });
             let text = match best.reduce(f64::max) {
                 Some(value) => format!(
-                    "{stage}: best design {} {unit}{robust}, as predicted by the search, not verified",
-                    mm(value)
+                    "{stage}: best design {} {unit}{}{robust}, as predicted by the search, not verified",
+                    mm(value),
+                    angle(value)
                 ),
                 None => format!("{stage}: designs, not verified"),
             };
@@ -210,6 +216,17 @@ fn robust_value(view: &DesignsView<'_>) -> Result<Option<f64>, StoreError> {
         (1, Some(values), Some(row)) => values.get(row).copied(),
         _ => None,
     })
+}
+
+/// Returns the objective of a single target; `None` if there are several.
+fn objective(source: &ArtifactReader<'_>, view: &DesignsView<'_>) -> Result<Option<Objective>, ReportError> {
+    let mut texts = source.of(view.rows().objective().read())?.0;
+    texts.dedup();
+    let [text] = &texts[..] else { return Ok(None) };
+    let scene = source.of(view.scene().read())?;
+    Objective::read(text, &scene)
+        .map(Some)
+        .map_err(|error| source.wrong(error.to_string()))
 }
 
 /// Returns the displacement of the best pattern of each generation.

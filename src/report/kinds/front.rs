@@ -5,7 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::artifacts::ArtifactReader;
-use crate::designs::{in_nano, is_cost, objective_words, point_words, quantity};
+use crate::designs::{Objective, in_nano, is_cost, objective_words, point_words, quantity};
 use crate::drawing::{Background, Chart, Sheet};
 use crate::error::ReportError;
 use crate::figures::{FrontAxis, FrontDesign, FrontFigure, front_charts, front_sheet};
@@ -40,6 +40,12 @@ pub struct FoundFront {
     objectives: Vec<OneObjective>,
     /// The unit of the hypervolume.
     hypervolume_unit: String,
+    /// What counts of the first objective, if it is robust.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    robust: Option<String>,
+    /// The first objective.
+    #[serde(skip)]
+    first: Objective,
 }
 
 /// One of the objectives of the genetic algorithm.
@@ -92,7 +98,13 @@ impl FoundFront {
         let points = names.into_iter().zip(front.gain).zip(areas).enumerate();
         let charges = front.charge.as_ref();
         let outcomes = front.limit.into_iter().zip(front.outcome.0);
-        let (objectives, values) = objectives(front.objectives, &source.of(view.scene().read())?);
+        let scene = source.of(view.scene().read())?;
+        let (objectives, values) = objectives(front.objectives, &scene);
+        let texts = source.of(rows.objective().read())?.0;
+        let first = texts.first().map(|text| Objective::read(text, &scene)).transpose();
+        let first = first
+            .map_err(|error| source.wrong(error.to_string()))?
+            .unwrap_or_default();
         let wide = objectives.len();
         Ok(Some(Self {
             stage: source.stage.stage.clone(),
@@ -116,6 +128,8 @@ impl FoundFront {
             is_charge: charges.is_some(),
             objectives,
             hypervolume_unit: source.of(view.hypervolume_unit())?,
+            robust: first.robust.clone(),
+            first,
         }))
     }
 
@@ -147,10 +161,17 @@ impl FoundFront {
                 format!("{}: {} of {all}, {}", self.stage, points.len(), listed.join(", "))
             }
         };
+        let text = format!("{text}{}", self.robust_note());
         match none {
             0 => Headline::good(text),
             none => Headline::bad(format!("{text}; no design within {none} of the limits")),
         }
+    }
+
+    /// Says which value counts, if the first objective is robust.
+    fn robust_note(&self) -> String {
+        let robust = self.robust.as_ref();
+        robust.map_or_else(String::new, |words| format!("; each value is the {words}"))
     }
 
     fn point(&self, point: &FoundPoint) -> String {
@@ -159,7 +180,7 @@ impl FoundFront {
         let others: Vec<String> = others
             .map(|(objective, value)| format!("{} {}", mm(*value), objective.unit))
             .collect();
-        let first = format!("{} {}", mm(point.gain), self.unit);
+        let first = format!("{} {}{}", mm(point.gain), self.unit, self.first.angle(point.gain));
         point_words(&first, &others, point.area, point.charge_nc)
     }
 
@@ -200,7 +221,10 @@ impl FoundFront {
             true => axis("charge", CHARGE_UNIT, "charge"),
             false => axis("area", "%", "area"),
         };
-        let first = axis(quantity(self.unit), self.unit, quantity(self.unit));
+        let robust = self.robust.as_ref();
+        let objective = robust.map_or_else(String::new, |words| format!(", {words}"));
+        let objective = format!("{}{objective}", quantity(self.unit));
+        let first = axis(quantity(self.unit), self.unit, &objective);
         let mut axes = vec![first];
         if self.objectives.is_empty() {
             axes.push(cost(self.is_charge));
@@ -243,6 +267,7 @@ impl fmt::Display for FoundFront {
             self.hypervolume_unit,
             self.reference_text()
         )?;
+        write!(f, "{}", self.robust_note())?;
         for point in &self.points {
             write!(f, "\n  {:<10} {}", point.design, self.point(point))?;
         }
@@ -324,6 +349,8 @@ mod tests {
             is_charge: false,
             objectives: Vec::new(),
             hypervolume_unit: "mm".to_owned(),
+            robust: None,
+            first: Objective::default(),
         }
     }
 
@@ -342,5 +369,14 @@ mod tests {
         );
         assert_eq!(front(1).headline().text, "front: 1 of 1 point, 1.000 mm at area 10.0 %");
         assert!(front(2).headline().text.starts_with("front: 2 of 2 points, 1.000 mm"));
+        assert!(!front(2).to_string().contains("worst"));
+        let robust = FoundFront {
+            robust: Some("worst of the masks".to_owned()),
+            ..front(2)
+        };
+        for text in [robust.to_string(), robust.headline().text] {
+            assert!(text.contains("each value is the worst of the masks"), "{text}");
+        }
+        assert_eq!(robust.axes()[0].objective, "displacement, worst of the masks");
     }
 }

@@ -177,7 +177,12 @@ fn ends<'d>(points: &[&'d Design]) -> [&'d Design; 2] {
 fn point(design: &Design) -> String {
     let first = match (design.simulated_mm.or(design.predicted_mm), &design.outcome) {
         (_, Some(outcome)) if design.simulated_mm.is_none() => format!("no stable solution ({outcome})"),
-        (Some(value), _) => format!("{} {}", mm(value), design.objective.unit()),
+        (Some(value), _) => format!(
+            "{} {}{}",
+            mm(value),
+            design.objective.unit(),
+            design.objective.angle(value)
+        ),
         (None, _) => "no value".to_owned(),
     };
     let mut others = design.other_objectives().iter();
@@ -206,7 +211,7 @@ fn front_sentence(points: &[&Design]) -> String {
 /// The objectives of a front, and how sure its points are.
 fn front_facts(points: &[&Design], all: &[Design]) -> Vec<String> {
     let [first, _] = ends(points);
-    let own = format!("{} of {}", first.objective.quantity(), first.objective.description());
+    let own = first.objective.words();
     let others = first.other_objectives();
     let words: Vec<String> = std::iter::once(own)
         .chain(others.iter().map(|other| other.description.clone()))
@@ -242,9 +247,9 @@ fn front_facts(points: &[&Design], all: &[Design]) -> Vec<String> {
 pub(crate) fn sentence(design: &Design) -> String {
     let unit = design.objective.unit();
     let value = match (design.simulated_mm, design.predicted_mm, simulated(design)) {
-        (Some(value), ..) => format!("{} {unit}", mm(value)),
+        (Some(value), ..) => format!("{} {unit}{}", mm(value), design.objective.angle(value)),
         (None, _, Some(why)) => why,
-        (None, Some(value), None) => format!("{} {unit} predicted", mm(value)),
+        (None, Some(value), None) => format!("{} {unit}{} predicted", mm(value), design.objective.angle(value)),
         (None, None, None) => "no value".to_owned(),
     };
     format!("{value}{}", at_voltage(design))
@@ -273,6 +278,7 @@ pub(crate) fn facts(design: &Design, all: Option<&[Design]>) -> Vec<String> {
         None => of,
         Some(_) => format!("{}: {of}", design.target),
     });
+    facts.extend(design.robust_text());
     facts.push(format!("electrode on {} of the membrane", percents(design.area)));
     let gain = |other: Option<f64>, text: &str| {
         let gain = design.gain_over(other?)?;
@@ -290,9 +296,10 @@ pub(crate) fn facts(design: &Design, all: Option<&[Design]>) -> Vec<String> {
         facts.push("not verified by finite elements on two meshes".to_owned());
     } else if let Some(error) = design.error_mm {
         facts.push(format!(
-            "± {} {} by the mesh; the error of the model is not included",
+            "± {} {}{} by the mesh; the error of the model is not included",
             three(error),
-            design.objective.unit()
+            design.objective.unit(),
+            design.objective.angle(error)
         ));
     }
     if !matches!(design.status.as_str(), "" | "met") {

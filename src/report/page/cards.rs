@@ -132,7 +132,10 @@ fn numbers(design: &Design) -> Markup {
     let ratio = design.compared.ratio.filter(|_| design.role != Role::Optimum);
     let value = match (simulated(design), design.predicted_mm) {
         (Some(simulated), _) => simulated,
-        (None, Some(predicted)) => format!("{} {} predicted", mm(predicted), design.objective.unit()),
+        (None, Some(predicted)) => {
+            let (unit, angle) = (design.objective.unit(), design.objective.angle(predicted));
+            format!("{} {unit}{angle} predicted", mm(predicted))
+        }
         (None, None) => "no value".to_owned(),
     };
     html! {
@@ -159,7 +162,7 @@ fn rows(design: &Design) -> Markup {
         let gain = design.gain_over(other).filter(|_| found);
         gain.map_or_else(String::new, change)
     };
-    let other = |name: &'static str, value: Option<f64>, shown: bool| {
+    let other = |name, value: Option<f64>, shown: bool| {
         let value = value.filter(|_| shown)?;
         Some((name, design.number(value), gain(value)))
     };
@@ -173,7 +176,13 @@ fn rows(design: &Design) -> Markup {
             .map_or_else(String::new, |own| format!("off by {}", three(own - value)));
         ("target", mm(value), off)
     });
-    let distance = design.distance_mm.map(|off| ("from target", mm(off), String::new()));
+    let distance = design
+        .distance_mm
+        .map(|off| ("from target", design.number(off), String::new()));
+    let words = design.objective.robust.as_deref().unwrap_or_default();
+    let robust = design
+        .robust_mm
+        .map(|value| (words, design.number(value), "predicted".to_owned()));
     let interval = design.interval.as_ref().map(|interval| {
         let name = match interval.out_of_distribution {
             true => "95 %, does not hold",
@@ -188,6 +197,7 @@ fn rows(design: &Design) -> Markup {
     let others = others.map(|(other, name)| (name, other.value_text(), "predicted".to_owned()));
     let rows = [
         predicted,
+        robust,
         interval,
         target,
         distance,
@@ -211,7 +221,10 @@ fn rows(design: &Design) -> Markup {
 /// Writes the simulated value with its estimated error; `None` without a simulation.
 pub(super) fn simulated(design: &Design) -> Option<String> {
     match (design.simulated_mm, &design.outcome, design.error_mm) {
-        (Some(value), _, error) => Some(format!("{} {}", mm_measured(value, error), design.objective.unit())),
+        (Some(value), _, error) => {
+            let (unit, angle) = (design.objective.unit(), design.objective.angle(value));
+            Some(format!("{} {unit}{angle}", mm_measured(value, error)))
+        }
         (None, Some(outcome), _) => Some(format!("no stable solution found ({outcome})")),
         (None, None, _) => None,
     }

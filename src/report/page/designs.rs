@@ -5,7 +5,7 @@ use maud::html;
 use super::cards::{FOLDER, cards, shared};
 use crate::designs::{Design, OtherObjective, Role, is_swept, role_title};
 use crate::drawing::{Axis, Chart, Colour, DeformedMembrane, LEGEND, Mark, Series, exaggeration};
-use crate::format::{capitalised, change, mm, mm_measured, percents, three};
+use crate::format::{capitalised, change, mm_measured, percents, three};
 use crate::html::{Column, Page};
 use crate::intervals::verdict;
 use deaflow_field::REACTION_UNIT;
@@ -146,7 +146,7 @@ fn without_empty(columns: &[(&'static str, Column)], rows: &mut [Vec<String>]) -
 }
 
 /// Columns of the table; empty ones are left out.
-const COLUMNS: [(&str, Column); 17] = [
+const COLUMNS: [(&str, Column); 18] = [
     ("target", Column::Key),
     ("sweep", Column::Key),
     ("design", Column::Key),
@@ -154,6 +154,7 @@ const COLUMNS: [(&str, Column); 17] = [
     ("area", Column::Number),
     ("area, mm²", Column::Number),
     ("predicted, mm", Column::Number),
+    ("robust, predicted, mm", Column::Number),
     ("error", Column::Number),
     ("simulated, mm", Column::Number),
     ("network, 95 %, mm", Column::Number),
@@ -175,7 +176,7 @@ fn row(design: &Design, is_swept: bool) -> Vec<String> {
         member => format!(" {}", member + 1),
     };
     let simulated = match (design.simulated_mm, design.error_mm, &design.outcome) {
-        (Some(value), error, _) => design.with_unit(mm_measured(value, error)),
+        (Some(value), error, _) => design.with_unit(mm_measured(value, error)) + &design.objective.angle(value),
         (None, _, Some(outcome)) => outcome.to_string(),
         (None, _, None) => "not verified".to_owned(),
     };
@@ -205,13 +206,14 @@ fn row(design: &Design, is_swept: bool) -> Vec<String> {
         percents(design.area),
         three(design.area_mm2()),
         text(design.predicted_mm.map(|value| design.number(value))),
+        text(design.robust_mm.map(|value| design.number(value))),
         text(design.prediction_error().map(change)),
         simulated,
         text(design.interval.as_ref().map(|interval| interval.ends())),
         text(compared.ratio.map(percents)),
         gain(compared.intuitive_own),
         gain(compared.intuitive_equal_area),
-        text(design.distance_mm.map(mm)),
+        text(design.distance_mm.map(|off| design.number(off))),
         other(0),
         other(1),
         met,
