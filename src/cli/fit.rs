@@ -14,10 +14,10 @@ use super::{CliError, Exit, Output, table, write};
 use deaflow_base::{Dimension, Node, four_significant};
 use deaflow_fem::SolveOptions;
 use deaflow_fit::{
-    Candidate, Curve, CurveResiduals, Estimate, HistoryCurve, LawKind, Outlier, Parameter, RelaxationFit, Sigma, Test,
-    Verdict,
+    Candidate, Curve, CurveResiduals, Estimate, HistoryCurve, Law, LawKind, Outlier, Parameter, RelaxationFit, Sigma,
+    Test, Verdict,
 };
-use deaflow_report::figures::{FittedCurve, fit_sheet};
+use deaflow_report::figures::{ComparedCurve, FigureError, FittedCurve, compared_laws_sheet, fit_sheet};
 use deaflow_scene::Scene;
 use deaflow_stage::direct;
 use deaflow_stage::measured::{
@@ -240,7 +240,8 @@ fn text(fitted: &SpecimenFit) -> Text {
             let mut text = Text::of(table);
             text.line("AICc: above the best; without: root mean square at a test after a fit to the others");
             if let Some(fit) = fitted.chosen_law() {
-                text.line(format!("chosen: {}", name_of_law(fit.law.kind())));
+                let reason = fitted.reason().map_or_else(String::new, |reason| format!("; {reason}"));
+                text.line(format!("chosen: {}{reason}", name_of_law(fit.law.kind())));
             }
             if let Some(other) = fitted.better_left_out() {
                 let other = name_of_law(other);
@@ -284,6 +285,7 @@ fn laws_document(fitted: &SpecimenFit) -> Value {
             json!({
                 "laws": candidates.iter().map(law).collect::<Vec<_>>(),
                 "chosen": fitted.chosen_law().map(|fit| name_of_law(fit.law.kind())),
+                "reason": fitted.reason(),
             })
         }
         SpecimenFit::Branches(_, fits) => {
@@ -325,45 +327,113 @@ fn yaml(fitted: &SpecimenFit, scene: &Scene) -> String {
     )
 }
 
-/// Draws the measured points and the chosen fit.
-fn draw(fitted: &SpecimenFit, path: &Path) -> Result<(), deaflow_report::figures::FigureError> {
-    const POINTS: usize = 100;
-    let between = |low: f64, high: f64| (0..=POINTS).map(move |k| low + (high - low) * k as f64 / POINTS as f64);
-    let pairs = |x: &[f64], y: &[f64]| x.iter().copied().zip(y.iter().map(|y| 1e-3 * y)).collect::<Vec<_>>();
-    let (title, label, curves): (String, &str, Vec<FittedCurve>) = match fitted {
-        SpecimenFit::Laws(curves, _) => {
-            let law = fitted.chosen_law().map(|fit| &fit.law);
-            let of = |curve: &Curve| {
-                let largest = curve.stretch.iter().copied().fold(1.0, f64::max);
-                let smallest = curve.stretch.iter().copied().fold(1.0, f64::min);
-                let fitted = between(smallest, largest)
-                    .filter_map(|stretch| Some((stretch, 1e-3 * law?.nominal_stress(curve.test, stretch)?)));
-                FittedCurve {
-                    name: format!("{} ({})", curve.name, curve.test.name()),
-                    measured: pairs(&curve.stretch, &curve.stress_pa),
-                    fitted: fitted.collect(),
-                }
-            };
-            let name = law.map_or_else(String::new, |law| name_of_law(law.kind()));
-            (name, "stretch", curves.iter().map(of).collect())
+/// Points of a curve in a figure.
+const POINTS: usize = 100;
+
+/// The label of the stresses in a figure.
+const STRESS: &str = "nominal stress, kPa";
+
+/// Draws the measured points and the fit, or all fits that were compared.
+fn draw(fitted: &SpecimenFit, path: &Path) -> Result<(), FigureError> {
+    let (title, label, curves) = match fitted {
+        SpecimenFit::Laws(curves, candidates) => {
+            let laws = named_laws(fitted, candidates);
+            let curves: Vec<ComparedCurve> = curves.iter().map(|curve| compared_curve(curve, &laws)).collect();
+            let name = fitted.chosen_law().map(|fit| name_of_law(fit.law.kind()));
+            (name.unwrap_or_default(), "stretch", curves)
         }
         SpecimenFit::Branches(curves, fits) => {
-            let of = |curve: &HistoryCurve| {
-                let latest = curve.time_s.iter().copied().fold(0.0, f64::max);
-                let times: Vec<f64> = between(0.0, latest).collect();
-                let stresses = fits
-                    .first()
-                    .and_then(|fit| fit.stresses(curve.test, &curve.history, &times).ok());
-                FittedCurve {
-                    name: format!("{} ({})", curve.name, curve.test.name()),
-                    measured: pairs(&curve.time_s, &curve.stress_pa),
-                    fitted: pairs(&times, &stresses.unwrap_or_default()),
-                }
-            };
-            ("relaxation".to_owned(), "time, s", curves.iter().map(of).collect())
+            let fits = named_fits(fits);
+            let curves = curves.iter().map(|curve| compared_history(curve, &fits));
+            ("relaxation".to_owned(), "time, s", curves.collect())
         }
     };
-    fit_sheet(&title, [label, "nominal stress, kPa"], &curves)?.write_png(path)
+    let only = |curve: &ComparedCurve| FittedCurve {
+        name: curve.name.clone(),
+        measured: curve.measured.clone(),
+        fitted: curve.laws.first().map(|(_, points)| points.clone()).unwrap_or_default(),
+    };
+    let sheet = match curves.iter().all(|curve| curve.laws.len() <= 1) {
+        true => fit_sheet(&title, [label, STRESS], &curves.iter().map(only).collect::<Vec<_>>())?,
+        false => compared_laws_sheet([label, STRESS], &curves)?,
+    };
+    sheet.write_png(path)
+}
+
+/// Returns the fitted laws with their names for a figure, the chosen one first.
+fn named_laws<'f>(fitted: &'f SpecimenFit, candidates: &'f [Candidate]) -> Vec<(String, &'f Law)> {
+    let chosen = fitted.chosen_law().map(|fit| fit.law.kind());
+    let best = candidates.first().map_or(0.0, Candidate::aicc);
+    let fits = candidates
+        .iter()
+        .filter_map(|found| Some((found, found.fit.as_ref().ok()?)));
+    let named = fits.map(|(found, fit)| match Some(found.kind) == chosen {
+        true => (format!("{}, chosen", name_of_law(found.kind)), &fit.law),
+        false => {
+            let above = four_significant(found.aicc() - best);
+            (format!("{}, AICc +{above}", name_of_law(found.kind)), &fit.law)
+        }
+    });
+    let mut named: Vec<(String, &Law)> = named.collect();
+    named.sort_by_key(|(_, law)| Some(law.kind()) != chosen);
+    named
+}
+
+/// Returns the fits of branches with their names for a figure, the best one first.
+fn named_fits(fits: &[RelaxationFit]) -> Vec<(String, &RelaxationFit)> {
+    let best = fits.first().map_or(0.0, |fit| fit.estimate.information.aicc);
+    let named = fits.iter().enumerate().map(|(at, fit)| {
+        let branches = table::counted(fit.branches() as u64, "branches");
+        match at {
+            0 => (format!("{branches}, chosen"), fit),
+            _ => {
+                let above = four_significant(fit.estimate.information.aicc - best);
+                (format!("{branches}, AICc +{above}"), fit)
+            }
+        }
+    });
+    named.collect()
+}
+
+/// Returns equal steps between two numbers.
+fn between(low: f64, high: f64) -> impl Iterator<Item = f64> {
+    (0..=POINTS).map(move |k| low + (high - low) * k as f64 / POINTS as f64)
+}
+
+/// Pairs numbers with stresses in Pa, which become those in kPa.
+fn pairs(x: &[f64], y: &[f64]) -> Vec<(f64, f64)> {
+    x.iter().copied().zip(y.iter().map(|y| 1e-3 * y)).collect()
+}
+
+/// Returns a measured curve with those of laws; a law ends where it has no stress.
+fn compared_curve(curve: &Curve, laws: &[(String, &Law)]) -> ComparedCurve {
+    let largest = curve.stretch.iter().copied().fold(1.0, f64::max);
+    let smallest = curve.stretch.iter().copied().fold(1.0, f64::min);
+    let of = |(name, law): &(String, &Law)| {
+        let points = between(smallest, largest)
+            .filter_map(|stretch| Some((stretch, 1e-3 * law.nominal_stress(curve.test, stretch)?)));
+        (name.clone(), points.collect())
+    };
+    ComparedCurve {
+        name: format!("{} ({})", curve.name, curve.test.name()),
+        measured: pairs(&curve.stretch, &curve.stress_pa),
+        laws: laws.iter().map(of).collect(),
+    }
+}
+
+/// Returns a measured history with those of fits of branches.
+fn compared_history(curve: &HistoryCurve, fits: &[(String, &RelaxationFit)]) -> ComparedCurve {
+    let latest = curve.time_s.iter().copied().fold(0.0, f64::max);
+    let times: Vec<f64> = between(0.0, latest).collect();
+    let of = |(name, fit): &(String, &RelaxationFit)| {
+        let stresses = fit.stresses(curve.test, &curve.history, &times).ok();
+        (name.clone(), pairs(&times, &stresses.unwrap_or_default()))
+    };
+    ComparedCurve {
+        name: format!("{} ({})", curve.name, curve.test.name()),
+        measured: pairs(&curve.time_s, &curve.stress_pa),
+        laws: fits.iter().map(of).collect(),
+    }
 }
 
 fn estimate_document(

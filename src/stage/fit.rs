@@ -254,6 +254,12 @@ impl Stage for FitStage {
         scene::with_scene(own, &self.scene)
     }
 
+    fn revision(&self) -> u32 {
+        // Earlier versions also chose laws with undetermined parameters.
+        let compares_laws = self.parameters.laws.as_ref().is_none_or(|laws| laws.len() > 1);
+        u32::from(self.parameters.free.is_none() && compares_laws)
+    }
+
     fn unit(&self) -> &'static str {
         "files"
     }
@@ -309,6 +315,10 @@ impl FitStage {
         let measured = tables.iter().filter_map(MeasuredTable::of_specimen).collect();
         let fit = SpecimenFit::new(measured, &self.scene, &laws, self.parameters.branches as usize)?;
         fit.warnings().iter().for_each(|warning| job.progress.note(warning));
+        if let (Some(law), Some(reason)) = (fit.chosen_law(), fit.reason()) {
+            let name = name_of_law(law.law.kind());
+            job.progress.note(&format!("{name} is chosen: {reason}"));
+        }
         let scene = fit.scene(&self.scene)?;
         let Some((estimate, verdict, _)) = fit.chosen() else {
             return Err(InputError::new("no law fits the curves").help(fit.verdicts().join("; ")));

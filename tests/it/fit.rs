@@ -524,3 +524,67 @@ fn a_fit_that_does_not_converge_has_an_exit_code_of_its_own() {
     assert!(text.contains("# the search did not converge."), "{text}");
     assert!(workspace.path("far-fitted.png").exists());
 }
+
+/// Stresses of a Gent law with noise of 2 %, which do not determine the four parameters of ogden:2.
+const STIFFENING: &str = "\
+stretch,nominal_stress_kPa
+1.25,27.60
+1.5,48.38
+1.75,64.73
+2.0,85.28
+2.25,103.10
+2.5,127.55
+2.75,143.60
+3.0,166.66
+3.25,200.01
+3.5,229.61
+3.75,274.76
+4.0,319.80
+";
+
+#[test]
+fn a_law_with_undetermined_parameters_gives_way_to_one_that_is_almost_as_good() {
+    let workspace = with_data();
+    workspace.write("stiffening.csv", STIFFENING);
+    let fit = |law: &str| {
+        let arguments = [
+            "uniaxial=stiffening.csv",
+            "--sigma",
+            "2 %",
+            "--law",
+            "ogden:2",
+            "--law",
+            law,
+        ];
+        fitted(&workspace, &arguments)
+    };
+    let found = fit("arruda-boyce");
+    let verdict = found["laws"][0]["verdict"].as_str().unwrap();
+    assert!(
+        found["laws"][0]["law"] == "ogden:2" && verdict.starts_with("the data do not determine"),
+        "{found}"
+    );
+    let above = number(&found["laws"][1]["aicc"]) - number(&found["laws"][0]["aicc"]);
+    assert!((6.0..7.0).contains(&above), "{above}");
+    assert_eq!(found["chosen"], "arruda-boyce");
+    let reason = found["reason"].as_str().unwrap();
+    assert!(
+        reason.starts_with("AICc of ogden:2 is less by 6.069, but the data do not determine"),
+        "{reason}"
+    );
+    // One that is much worse is not chosen.
+    let clear = fit("neo-hookean");
+    assert_eq!(
+        (&clear["chosen"], &clear["reason"]),
+        (&Value::from("ogden:2"), &Value::Null)
+    );
+    // A stage chooses the same.
+    workspace.write(
+        "p.yaml",
+        "version: 1\nname: p\nscene: scene.yaml\nstages:\n  pulled: { kind: measure, files: [{ file: stiffening.csv, test: uniaxial, sigma: 2 % }] }\n  \
+         law: { kind: fit, needs: [pulled], laws: [ogden:2, arruda-boyce] }\n",
+    );
+    let ended = workspace.run(&["run", "p.yaml", "-v"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert!(ended.stdout.contains("law: arruda-boyce: "), "{}", ended.stdout);
+}

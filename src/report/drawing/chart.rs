@@ -121,6 +121,10 @@ pub struct Series {
 pub enum Mark {
     /// A line.
     Line,
+    /// A wide line, which stands out among others.
+    Wide,
+    /// A thin line.
+    Thin,
     /// A dashed line.
     Dashed,
     /// A line with a dot at each point, where they are few enough to be seen one by one.
@@ -133,6 +137,42 @@ pub enum Mark {
     Labelled,
     /// Bars: points are pairs of corners, lower left and upper right. Texts stand at their ends.
     Bars,
+}
+
+/// What stands before a name in a legend.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LegendKey {
+    /// A piece of a line.
+    Line,
+    /// A piece of a dashed line.
+    Dashed,
+    /// A dot.
+    Dot,
+    /// A square.
+    Square,
+}
+
+impl LegendKey {
+    /// Its class in the style sheet; that of a square has none.
+    pub fn class(self) -> Option<&'static str> {
+        match self {
+            Self::Line => Some("stroke"),
+            Self::Dashed => Some("dashes"),
+            Self::Dot => Some("dot"),
+            Self::Square => None,
+        }
+    }
+}
+
+impl Mark {
+    fn legend_key(self) -> LegendKey {
+        match self {
+            Self::Line | Self::Wide | Self::Thin => LegendKey::Line,
+            Self::Dashed => LegendKey::Dashed,
+            Self::Dots | Self::Cloud => LegendKey::Dot,
+            Self::LineAndDots | Self::Labelled | Self::Bars => LegendKey::Square,
+        }
+    }
 }
 
 /// Lines with more points have no dots.
@@ -212,10 +252,13 @@ impl Chart {
         self.with_frame([side; 2])
     }
 
-    /// Returns the entries of the legend.
-    pub fn legend(&self) -> impl Iterator<Item = (Colour, &str)> {
+    /// Returns the entries of the legend: key, colour and name.
+    pub fn legend(&self) -> impl Iterator<Item = (LegendKey, Colour, &str)> {
         let named = self.series.iter().filter(|series| series.name.is_some());
-        named.map(|series| (series.colour, series.name.as_deref().unwrap_or_default()))
+        named.map(|series| {
+            let name = series.name.as_deref().unwrap_or_default();
+            (series.mark.legend_key(), series.colour, name)
+        })
     }
 
     /// Draws the chart with its title and legend, for a page.
@@ -226,7 +269,11 @@ impl Chart {
             figure {
                 figcaption { b { (self.title) } @if !self.note.is_empty() { " " (self.note) } }
                 @if self.legend().next().is_some() {
-                    ul.legend { @for (colour, name) in self.legend() { li class=(colour.class()) { i {} (name) } } }
+                    ul.legend {
+                        @for (key, colour, name) in self.legend() {
+                            li class=(colour.class()) { i class=[key.class()] {} (name) }
+                        }
+                    }
                 }
                 svg.chart viewBox={ "0 0 " (width) " " (height) } width=(width) height=(height)
                     role="img" aria-label=(description) {
@@ -303,16 +350,19 @@ impl Chart {
     fn drawn(&self, series: &Series) -> Markup {
         let colour = series.colour.class();
         let positions = || series.points.iter().filter(|p| self.shows(**p)).map(|p| self.at(*p));
-        let line = || {
+        let line = |tenths: u8| {
             // Coordinates are integers in tenths of a unit.
             let fine: Vec<(f64, f64)> = positions().map(|(x, y)| (10.0 * x, 10.0 * y)).collect();
+            let width = format!("stroke-width:{tenths}");
             html! {
-                path class={ "line " (colour) } transform="scale(.1)" style="stroke-width:20" d=(path(&fine, false)) {}
+                path class={ "line " (colour) } transform="scale(.1)" style=(width) d=(path(&fine, false)) {}
             }
         };
         match series.mark {
-            Mark::LineAndDots if series.points.len() <= MAX_DOTS => html! { (line()) (self.dots(series, 3.0)) },
-            Mark::Line | Mark::LineAndDots => line(),
+            Mark::LineAndDots if series.points.len() <= MAX_DOTS => html! { (line(20)) (self.dots(series, 3.0)) },
+            Mark::Line | Mark::LineAndDots => line(20),
+            Mark::Wide => line(36),
+            Mark::Thin => line(13),
             Mark::Dashed => {
                 let points: Vec<(f64, f64)> = positions().collect();
                 html! { path class={ "dashed " (colour) } d=(path(&points, false)) {} }
@@ -420,7 +470,11 @@ mod tests {
             Series::new("", Colour::Green, Mark::Dots, points).with_texts(vec!["first".into(), "second".into()]),
         ];
         let text = Chart::new("a <b>", axes, series).figure().into_string();
-        assert!(text.contains("<li class=\"blue\"><i></i>line</li>") && !text.contains("<li class=\"green\">"));
+        assert!(
+            text.contains("<li class=\"blue\"><i class=\"stroke\"></i>line</li>"),
+            "{text}"
+        );
+        assert!(!text.contains("<li class=\"green\">"));
         // The middle of the frame from left to right, and its upper edge.
         assert!(
             text.contains("<circle class=\"green\" cx=\"211\" cy=\"28\" r=\"3.5\"><title>second</title>"),

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use maud::{Markup, html};
 
-use super::chart::{Chart, LEFT, LETTER};
+use super::chart::{Chart, LEFT, LETTER, LegendKey};
 use super::error::FigureError;
 use super::path::number;
 use super::raster::png;
@@ -114,26 +114,51 @@ fn heading(chart: &Chart) -> Markup {
         @if note > 0.0 { text x=(LEFT.min(left)) y="37" { (chart.note) } }
         @for (line, entries) in legend(chart).iter().enumerate() {
             @let y = TITLE + note + LEGEND * line as f64 + 9.0;
-            @for (x, class, name) in entries {
-                rect class={ "bars " (class) } x=(number(*x, 1)) y=(number(y - 9.0, 1)) width="11" height="11" rx="2" {}
+            @for LegendEntry { x, key, class, name } in entries {
+                (legend_key(*key, class, [*x, y - 9.0]))
                 text class="ink" x=(number(x + 15.0, 1)) y=(number(y + 1.0, 1)) { (name) }
             }
         }
     }
 }
 
-/// Returns the lines of the legend: position, class and name of each entry.
-fn legend(chart: &Chart) -> Vec<Vec<(f64, &'static str, &str)>> {
-    let mut lines: Vec<Vec<(f64, &'static str, &str)>> = Vec::new();
+/// Draws the key of an entry, 11 pixels wide and high, from its upper left corner.
+fn legend_key(key: LegendKey, class: &str, [x, y]: [f64; 2]) -> Markup {
+    let (left, top) = (number(x, 1), number(y, 1));
+    let middle = number(y + 5.5, 1);
+    html! {
+        @match key {
+            LegendKey::Square => { rect class={ "bars " (class) } x=(left) y=(top) width="11" height="11" rx="2" {} }
+            LegendKey::Line => { path class={ "line " (class) } d={ "M" (left) " " (middle) "h11" } {} }
+            LegendKey::Dashed => { path class={ "dashed " (class) } d={ "M" (left) " " (middle) "h14" } {} }
+            LegendKey::Dot => { circle class=(class) cx=(number(x + 5.5, 1)) cy=(middle) r="4" {} }
+        }
+    }
+}
+
+/// An entry of a legend.
+struct LegendEntry<'c> {
+    /// Its left edge.
+    x: f64,
+    key: LegendKey,
+    /// The class of its colour.
+    class: &'static str,
+    name: &'c str,
+}
+
+/// Returns the lines of the legend.
+fn legend(chart: &Chart) -> Vec<Vec<LegendEntry<'_>>> {
+    let mut lines: Vec<Vec<LegendEntry<'_>>> = Vec::new();
     let mut x = f64::INFINITY;
-    for (colour, name) in chart.legend() {
+    for (key, colour, name) in chart.legend() {
         let wide = 15.0 + LETTER * name.chars().count() as f64;
         if x + wide > chart.size[0] {
             lines.push(Vec::new());
             x = LEFT;
         }
         if let Some(line) = lines.last_mut() {
-            line.push((x, colour.class(), name));
+            let class = colour.class();
+            line.push(LegendEntry { x, key, class, name });
         }
         x += wide + 16.0;
     }

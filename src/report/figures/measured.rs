@@ -1,8 +1,8 @@
 //! Measured beside simulated numbers: curves, and maps of their difference.
 
-use super::fit::{FittedCurve, chart};
+use super::fit::{FittedCurve, curve_chart};
 use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
-use deaflow_base::four_digits;
+use crate::format::three;
 
 /// Measured numbers beside simulated ones.
 #[derive(Clone, Debug)]
@@ -34,6 +34,9 @@ pub enum MeasuredFigure {
 /// The longer side of a map in pixels.
 const SIDE: f64 = 360.0;
 
+/// Maps with more points have smaller dots, so that these do not cover each other.
+const MOST_DOTS: usize = 400;
+
 /// The colours of lengths, each for a quarter of the largest.
 const COLOURS: [Colour; 4] = [Colour::Sky, Colour::Blue, Colour::Orange, Colour::Vermillion];
 
@@ -63,18 +66,7 @@ fn of_figure(figure: &MeasuredFigure) -> Result<Chart, FigureError> {
             labels,
             logarithmic,
             curve,
-        } => {
-            let named = FittedCurve {
-                name: "measured".to_owned(),
-                ..curve.clone()
-            };
-            chart(
-                &curve.name,
-                labels.each_ref().map(String::as_str),
-                *logarithmic,
-                &[named],
-            )
-        }
+        } => curve_chart(curve, labels.each_ref().map(String::as_str), *logarithmic),
         MeasuredFigure::Map {
             name,
             size_mm,
@@ -91,15 +83,19 @@ fn map(name: &str, size_mm: [f64; 2], points_mm: &[[f64; 2]], lengths_mm: &[f64]
         return Err(FigureError::Data("a map needs points with finite numbers".into()));
     }
     let quarters = COLOURS.len() as f64;
+    let mark = match points_mm.len() <= MOST_DOTS {
+        true => Mark::Dots,
+        false => Mark::Cloud,
+    };
     let quarter = |length: f64| match largest > 0.0 {
         true => ((quarters * length / largest) as usize).min(COLOURS.len() - 1),
         false => 0,
     };
     let series = COLOURS.into_iter().enumerate().map(|(number, colour)| {
         let own = points_mm.iter().zip(lengths_mm).filter(|(_, d)| quarter(**d) == number);
-        let upper = largest * (number + 1) as f64 / quarters;
-        let label = format!("up to {} mm", four_digits(upper));
-        Series::new(&label, colour, Mark::Cloud, own.map(|([x, y], _)| (*x, *y)).collect())
+        let [lower, upper] = [number, number + 1].map(|end| three(largest * end as f64 / quarters));
+        let label = format!("{lower} to {upper} mm");
+        Series::new(&label, colour, mark, own.map(|([x, y], _)| (*x, *y)).collect())
     });
     let axes = [
         Axis::linear("x, mm", 0.0, size_mm[0]),

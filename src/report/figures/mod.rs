@@ -34,7 +34,7 @@ pub use curves::{Curve, Curves, curves_sheet};
 pub use deformation::{FamilyDeformation, deformation_sheet};
 pub use evaluation::{EvaluationFigure, PredictorErrors};
 pub use evolution::{Evolution, evolution_sheet};
-pub use fit::{FittedCurve, fit_sheet};
+pub use fit::{ComparedCurve, FittedCurve, compared_laws_sheet, fit_sheet};
 pub use front::{FrontAxis, FrontDesign, FrontFigure, front_sheet};
 pub use histogram::Histogram;
 pub use history::{Motion, histories_sheet};

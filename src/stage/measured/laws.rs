@@ -30,6 +30,10 @@ pub const LAWS: [LawKind; 8] = [
 /// The most branches that are compared.
 pub const MOST_BRANCHES: u64 = 6;
 
+/// The difference of AICc from which on curves clearly decide between two laws (Burnham and Anderson, Model Selection
+/// and Multimodel Inference, 2nd edition, section 2.6).
+const CLEAR: f64 = 10.0;
+
 /// The value of an override that removes a key.
 const NONE: &str = "null";
 
@@ -59,6 +63,11 @@ pub fn name_of_law(kind: LawKind) -> String {
         LawKind::Ogden(terms) => format!("ogden:{terms}"),
         kind => kind.name().to_owned(),
     }
+}
+
+/// Returns by how much AICc of a fit is above that of another one.
+fn above(fit: &Fit, other: &Fit) -> f64 {
+    fit.estimate.information.aicc - other.estimate.information.aicc
 }
 
 /// A fit to tests of specimens.
@@ -109,20 +118,43 @@ impl SpecimenFit {
         }
     }
 
-    /// Returns the best law that is stable and has parameters of its own, if any.
-    #[must_use]
-    pub fn chosen_law(&self) -> Option<&Fit> {
-        let Self::Laws(_, candidates) = self else { return None };
-        let usable = |fit: &&Fit| {
+    /// Returns the laws that are stable and have parameters of their own, the best first.
+    fn usable_laws(&self) -> impl Iterator<Item = &Fit> {
+        let candidates = match self {
+            Self::Laws(_, candidates) => &candidates[..],
+            Self::Branches(..) => &[],
+        };
+        let fits = candidates.iter().filter_map(|found| found.fit.as_ref().ok());
+        fits.filter(|fit| {
             !matches!(
                 fit.verdict,
                 Verdict::Unstable(..) | Verdict::ReducesTo(_) | Verdict::NotConverged
             )
-        };
-        candidates
-            .iter()
-            .filter_map(|found| found.fit.as_ref().ok())
-            .find(usable)
+        })
+    }
+
+    /// Returns the best law that is stable and has parameters of its own, if any. One with parameters that the curves
+    /// do not determine gives way to the best one without such, if the curves do not clearly decide between both.
+    #[must_use]
+    pub fn chosen_law(&self) -> Option<&Fit> {
+        let best = self.usable_laws().next()?;
+        let is_near = |fit: &&Fit| above(fit, best) < CLEAR;
+        let determined = |fit: &&Fit| fit.verdict == Verdict::Determined;
+        self.usable_laws().take_while(is_near).find(determined).or(Some(best))
+    }
+
+    /// Says why a law was chosen although another one has a smaller AICc, if that has undetermined parameters.
+    #[must_use]
+    pub fn reason(&self) -> Option<String> {
+        let (chosen, best) = (self.chosen_law()?, self.usable_laws().next()?);
+        (chosen.law.kind() != best.law.kind()).then(|| {
+            format!(
+                "AICc of {} is less by {}, but {}",
+                name_of_law(best.law.kind()),
+                four_significant(above(chosen, best)),
+                best.verdict
+            )
+        })
     }
 
     /// Returns what is known about the chosen law or branches.
