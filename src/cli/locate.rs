@@ -1,4 +1,5 @@
-//! Finds the artifact of a reference: a stage of the last run, `PIPELINE.yaml:STAGE`, or a digest.
+//! Finds the artifact of a reference: a stage of the last run, or of the last run of a pipeline by its name,
+//! `PIPELINE.yaml:STAGE`, or a digest.
 
 use std::path::Path;
 
@@ -170,9 +171,12 @@ pub fn only<'a>(path: &Path, name: &str, stages: &'a [String]) -> Result<&'a str
     Err(CliError::bad_input(message).help(format!("name one of them: {}", list.join(", "))))
 }
 
-/// Returns the artifact of a stage in the newest run that has it, if no record contradicts it.
+/// Returns the artifact of a stage in the newest run that has it, if no record contradicts it; of `NAME:STAGE` in the
+/// newest run of the pipeline of this name.
 fn of_last_run(store: &Store, name: &str) -> Result<Option<ArtifactId>, CliError> {
-    let Some(stage) = store.last_made(name, None)? else {
+    let of_pipeline = name.rsplit_once(':').map(|(pipeline, stage)| (stage, Some(pipeline)));
+    let (stage, pipeline) = of_pipeline.unwrap_or((name, None));
+    let Some(stage) = store.last_made(stage, pipeline)? else {
         return Ok(None);
     };
     let is_consistent = match store.record(&stage.key)? {
