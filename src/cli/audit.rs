@@ -12,12 +12,12 @@ use super::locate;
 use super::progress::{Bar, ProgressMode, RunProgress};
 use super::{CliError, Exit, Output, pipeline, write};
 use deaflow_base::{ArtifactId, Override, Quantity};
-use deaflow_content::{AttributeError, Audit};
 use deaflow_orchestrator::{Environment, Pipeline, RunOptions, Staleness, plan, run as run_pipeline};
 use deaflow_report::set_options;
 use deaflow_stage::audit::{self, Audited, Finding, Request, Severity};
 use deaflow_store::{Artifact, Command, Store, StoreError};
-use report::AuditReport;
+
+pub use report::AuditReport;
 
 /// Check a dataset: provenance, values, symmetries, leaks, and labels by simulation
 #[derive(Debug, Args)]
@@ -119,13 +119,9 @@ fn of_file(arguments: &AuditArguments, scene: &Path, output: &Output) -> Result<
     let (bar, start) = (Bar::new("audit", "percent", 100), Instant::now());
     let audited = audit::audit_file(file, scene, &request, &bar)?;
     bar.clear();
-    let mut report = AuditReport::new(&arguments.dataset, audited).map_err(unreadable)?;
+    let mut report = AuditReport::new(&arguments.dataset, audited)?;
     report.seconds = Some(start.elapsed().as_secs_f64());
     Ok(report.with_rows_of(Audited::File(file)))
-}
-
-fn unreadable(error: AttributeError) -> CliError {
-    CliError::failure(format!("cannot read the audit: {error}"))
 }
 
 /// Audits the dataset of a stage of the current pipeline.
@@ -164,9 +160,7 @@ fn of_stage(arguments: &AuditArguments, (path, name): (&Path, &str), output: &Ou
     let digest = outcome.stages.last().and_then(|stage| stage.digest);
     let digest = digest.ok_or_else(|| CliError::failure("the audit made no artifact"))?;
     let audited = store.artifact(&digest)?;
-    let mut report = AuditReport::new(&arguments.dataset, Audit::read(&audited)?).map_err(unreadable)?;
-    report.seconds = audited.measurements()?.first().map(|(_, seconds)| *seconds);
-    report.digest = Some(digest);
+    let mut report = AuditReport::of(&audited, &arguments.dataset)?;
     report.add(&lineage);
     Ok(report.with_rows_of(Audited::Artifact(&artifact)))
 }

@@ -10,6 +10,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::arguments::{StoreArguments, has_hdf5_extension};
+use super::audit::AuditReport;
 use super::statistics::{self, Statistics};
 use super::text::Text;
 use super::{CliError, Exit, Output, csv, locate, table};
@@ -70,7 +71,16 @@ pub fn execute(arguments: &ShowArguments, output: &Output) -> Result<Exit, CliEr
     if arguments.csv && !output.is_json() {
         return show_rows(&artifact, arguments, output);
     }
-    print(&Summary::of(&artifact, record)?, output)
+    // Audits of earlier versions have other arrays: their attributes are shown as they are.
+    let audit = ArtifactKind::Audit
+        .is_of(&artifact)
+        .then(|| AuditReport::of(&artifact, &arguments.artifact));
+    let audit = audit.and_then(Result::ok);
+    let summary = Summary {
+        audit,
+        ..Summary::of(&artifact, record)?
+    };
+    print(&summary, output)
 }
 
 /// Opens an artifact by its file. The chunks of an artifact are next to it only in a store.
@@ -142,7 +152,13 @@ struct Summary {
     provenance: BTreeMap<String, String>,
     /// The state of the record of the action that made it; none without a store.
     record: Option<String>,
+    /// The findings of an audit, in place of the attributes that have them as JSON.
+    #[serde(skip)]
+    audit: Option<AuditReport>,
 }
+
+/// The attributes of an audit that have its results as JSON.
+const AUDIT_JSON: [&str; 2] = ["findings", "summary"];
 
 /// Describes the record of the action that made an artifact.
 fn record(store: &Store, artifact: &Artifact) -> Result<String, CliError> {
@@ -189,6 +205,7 @@ impl Summary {
             datasets: artifact.contents()?.iter().map(dataset).collect::<Result<_, _>>()?,
             provenance: artifact.provenance()?,
             record,
+            audit: None,
         })
     }
 
@@ -217,8 +234,14 @@ impl Summary {
                 .collect();
             format!("{title}\n{}\n", lines.join("\n"))
         };
-        if !self.attributes.is_empty() {
-            text.line(list("attributes", &self.attributes));
+        let mut attributes = self.attributes.clone();
+        if let Some(audit) = &self.audit {
+            attributes.retain(|name, _| !AUDIT_JSON.contains(&name.as_str()));
+            text.append(audit.text(&[]));
+            text.line("");
+        }
+        if !attributes.is_empty() {
+            text.line(list("attributes", &attributes));
         }
         self.table(&mut text);
         text.line("");

@@ -169,10 +169,25 @@ fn an_audit_with_errors_stops_what_waits_for_it() {
             .contains("\"accuracy\""),
         "{shown}"
     );
+    // People read a table of the findings, not JSON.
+    let shown = workspace.run(&["show", "audited"]).stdout;
+    let table = ["severity", "accuracy", "random samples on a finer mesh"];
+    assert!(
+        table.iter().all(|text| shown.contains(text)) && !shown.contains("{\"check\""),
+        "{shown}"
+    );
+    // A stage is named with its pipeline too, by the name that the file has.
+    assert_eq!(workspace.run(&["show", "audited:audited"]).stdout, shown);
+    assert_eq!(workspace.run(&["show", "other:audited"]).code, Some(2));
     // The second time the audit is there already, and stops all the same.
     assert_eq!(run(&strict).code, Some(5));
     let ended = run(&[&strict[..], &["--set", "stages.audited.fail_on=never"]].concat());
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let line = ended.json()["audits"][0].as_str().unwrap().to_owned();
+    assert!(
+        line.starts_with("audited: errors in ") && line.contains(": accuracy, 4 rows (on a finer mesh"),
+        "{line}"
+    );
     assert_eq!(
         outcome(&ended, "audited").as_deref(),
         Some("reused"),

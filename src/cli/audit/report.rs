@@ -12,6 +12,7 @@ use deaflow_content::{AttributeError, Audit};
 use deaflow_report::figures::{Background, DeformedMembrane, membrane_sheet};
 use deaflow_report::{Page, audit_figure};
 use deaflow_stage::audit::{Audited, Finding, Lineage, Severity, SourceRows, Summary, rows, sort};
+use deaflow_store::Artifact;
 
 /// The origins of a dataset.
 #[derive(Debug, Serialize)]
@@ -42,20 +43,33 @@ pub struct AuditReport {
 }
 
 impl AuditReport {
-    /// Reads the artifact of an audit.
+    /// Reads the content of an audit.
     ///
     /// # Errors
     /// When an attribute is invalid.
-    pub fn new(dataset: &str, audit: Audit) -> Result<Self, AttributeError> {
+    pub fn new(dataset: &str, audit: Audit) -> Result<Self, CliError> {
+        let unreadable = |error: AttributeError| CliError::failure(format!("cannot read the audit: {error}"));
         Ok(Self {
             dataset: dataset.to_owned(),
-            findings: audit.findings.value()?,
-            summary: audit.summary.value()?,
+            findings: audit.findings.value().map_err(unreadable)?,
+            summary: audit.summary.value().map_err(unreadable)?,
             audit: Some(audit),
             lineage: None,
             digest: None,
             seconds: None,
             rows: None,
+        })
+    }
+
+    /// Reads the artifact of an audit in a store, with the time that it took.
+    ///
+    /// # Errors
+    /// When the artifact cannot be read, or an attribute is invalid.
+    pub fn of(artifact: &Artifact, dataset: &str) -> Result<Self, CliError> {
+        Ok(Self {
+            seconds: artifact.measurements()?.first().map(|(_, seconds)| *seconds),
+            digest: Some(artifact.digest()),
+            ..Self::new(dataset, Audit::read(artifact)?)?
         })
     }
 

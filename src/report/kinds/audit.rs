@@ -6,6 +6,7 @@ use crate::artifacts::{ArtifactReader, RunArtifacts};
 use crate::drawing::Sheet;
 use crate::error::ReportError;
 use crate::figures::{AuditFigure, Counts};
+use crate::format::counted;
 use crate::html::Page;
 use crate::presenter::{Figures, Headline, Presenter, Results};
 use deaflow_content as content;
@@ -26,7 +27,12 @@ impl Presenter for AuditPresenter {
     }
 
     fn headlines(&self, run: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
-        Ok(run.each(self.kind(), line)?.into_iter().map(Headline::good).collect())
+        let lines = run.each(self.kind(), |source| Ok((line(source)?, has_errors(source)?)))?;
+        let headline = |(text, has_errors)| match has_errors {
+            true => Headline::bad(text),
+            false => Headline::good(text),
+        };
+        Ok(lines.into_iter().map(headline).collect())
     }
 
     fn figures(&self) -> Figures {
@@ -74,14 +80,24 @@ pub fn audit_figure(audit: &content::Audit) -> Option<AuditFigure> {
     (!figure.area.counts.is_empty()).then_some(figure)
 }
 
+/// Reads an attribute with results.
+fn value(source: &ArtifactReader<'_>, attribute: StoredAttribute<'_, Json>) -> Result<Value, ReportError> {
+    let json = source.of(attribute.read())?;
+    json.value().map_err(|e| source.wrong(e.to_string()))
+}
+
+/// Whether some findings of an audit are errors.
+fn has_errors(source: &ArtifactReader<'_>) -> Result<bool, ReportError> {
+    let view = source.of(content::Audit::open(source.artifact))?;
+    let findings = value(source, view.findings())?;
+    let mut findings = findings.as_array().into_iter().flatten();
+    Ok(findings.any(|finding| finding["severity"] == ERROR))
+}
+
 /// Describes the findings of an audit.
 fn line(source: &ArtifactReader<'_>) -> Result<String, ReportError> {
     let view = source.of(content::Audit::open(source.artifact))?;
-    let value = |attribute: StoredAttribute<'_, Json>| -> Result<Value, ReportError> {
-        let json = source.of(attribute.read())?;
-        json.value().map_err(|e| source.wrong(e.to_string()))
-    };
-    let text = describe(&value(view.findings())?, &value(view.summary())?);
+    let text = describe(&value(source, view.findings())?, &value(source, view.summary())?);
     Ok(format!("{}: {text}", source.stage.stage))
 }
 
@@ -102,13 +118,40 @@ fn describe(findings: &Value, summary: &Value) -> String {
     if findings.is_empty() {
         return format!("no findings in {samples} samples{excluded}");
     }
-    let checks = findings.iter().map(|finding| {
-        let text = |key: &str| finding[key].as_str().unwrap_or_default().to_owned();
-        format!("{} {} ({})", text("severity"), text("check"), finding["count"])
+    let of = |severity: &str| -> Vec<String> {
+        let own = findings.iter().filter(|finding| finding["severity"] == severity);
+        own.map(finding_words).collect()
+    };
+    let verdicts = [(ERROR, "errors"), ("warning", "warnings")].map(|(severity, name)| (name, of(severity)));
+    let verdicts = verdicts.iter().filter(|(_, found)| !found.is_empty());
+    let verdicts = verdicts.enumerate().map(|(at, (name, found))| {
+        let samples = if at == 0 {
+            format!(" in {samples} samples")
+        } else {
+            String::new()
+        };
+        format!("{name}{samples}: {}", found.join("; "))
     });
-    let checks: Vec<String> = checks.collect();
-    format!("in {samples} samples: {}", checks.join(", "))
+    verdicts.collect::<Vec<_>>().join("; ")
 }
+
+/// Describes a finding: the check, the number of rows, and the sentence that was found.
+fn finding_words(finding: &Value) -> String {
+    let text = |key: &str| finding[key].as_str().unwrap_or_default();
+    // A finding about the whole dataset has no rows.
+    let is_whole = finding["examples"].as_array().is_none_or(Vec::is_empty);
+    let rows = match finding["count"].as_u64() {
+        Some(count) if !is_whole => format!(", {}", counted(count as usize, "row", "rows")),
+        _ => String::new(),
+    };
+    match text("message") {
+        "" => format!("{}{rows}", text("check")),
+        message => format!("{}{rows} ({message})", text("check")),
+    }
+}
+
+/// The severity of a finding that is an error.
+const ERROR: &str = "error";
 
 #[cfg(test)]
 mod tests {
@@ -125,12 +168,18 @@ mod tests {
             "{text}"
         );
         let findings = json!([
-            { "check": "sign", "severity": "error", "count": 2 },
-            { "check": "duplicate", "severity": "warning", "count": 1 },
+            { "check": "sign", "severity": "error", "count": 2, "examples": [3, 7], "message": "other sign" },
+            { "check": "duplicate", "severity": "warning", "count": 1, "examples": [9], "message": "" },
+            { "check": "no-test", "severity": "warning", "count": 1, "examples": [], "message": "no test set" },
         ]);
         assert_eq!(
             describe(&findings, &json!({ "samples": 40 })),
-            "in 40 samples: error sign (2), warning duplicate (1)"
+            "errors in 40 samples: sign, 2 rows (other sign); warnings: duplicate, 1 row; no-test (no test set)"
+        );
+        let warning = json!([{ "check": "duplicate", "severity": "warning", "count": 2, "examples": [9, 10] }]);
+        assert_eq!(
+            describe(&warning, &json!({ "samples": 40 })),
+            "warnings in 40 samples: duplicate, 2 rows"
         );
     }
 }
