@@ -1,8 +1,9 @@
-//! An electrode as polygons in mm, for manufacturing.
+//! An electrode as polygons in mm, for manufacturing: along its shapes and those of frame and bodies where elements
+//! follow them, else along cells.
 
 use super::model::Scene;
 use super::sides::Sides;
-use deaflow_pattern::{Corners, Membrane, Part, Pattern, outlines, total_area};
+use deaflow_pattern::{Corners, Membrane, Part, Pattern, Polygons, outlines, total_area};
 
 /// A point in mm, the origin at the lower left corner of the membrane.
 pub type Point = [f64; 2];
@@ -49,6 +50,8 @@ pub struct Mask {
     pub outline_area: f64,
     /// Whether the outline is rounded.
     pub rounded: bool,
+    /// Whether the outline is that of the drawn shapes, and not of cells.
+    pub follows_shapes: bool,
     /// The islands of each electrode group.
     pub groups: Vec<Islands>,
     /// The area that is not frame, if there is a frame inside the rectangle.
@@ -83,20 +86,43 @@ impl Mask {
                 .map(|island| (ring(&island.outer), island.holes.iter().map(ring).collect()));
             (total_area(&islands), rings.collect::<Islands>())
         };
-        let (areas, groups): (Vec<f64>, Vec<Islands>) = match scene.groups() {
-            1 => vec![drawn(pattern, corners)],
-            several => (1..=several as u8)
-                .map(|group| drawn(&pattern.of_group(group), corners))
-                .collect(),
-        }
-        .into_iter()
-        .unzip();
-        let parts = scene.parts();
+        let shapes = pattern.electrodes();
+        let group = |group: u8| match shapes {
+            Some(shapes) => {
+                let own = shapes.groups().iter().find(|(number, _)| *number == group);
+                let region = own.map(|(_, region)| region);
+                let area = region.map_or(0.0, |region| region.area() * scale[0] * scale[1]);
+                (area, region.map_or_else(Vec::new, |region| islands(region, scale)))
+            }
+            None => {
+                let (cells, drawn) = match scene.groups() {
+                    1 => drawn(pattern, corners),
+                    _ => drawn(&pattern.of_group(group), corners),
+                };
+                (cells * width * height, drawn)
+            }
+        };
+        let (areas, groups): (Vec<f64>, Vec<Islands>) = (1..=scene.groups() as u8).map(group).unzip();
+        let (parts, borders) = (scene.parts(), scene.borders());
         let part = |is_in: &dyn Fn(Part) -> bool| match &parts {
             Some(parts) => drawn(&parts.cells(is_in).pattern(), Corners::Square).1,
             None => Vec::new(),
         };
         let has_frame = scene.geometry.frame.is_some();
+        let (opening, bodies) = match &borders {
+            Some(borders) => {
+                let opening = borders.opening.as_ref();
+                let bodies = borders.bodies.iter().flat_map(|body| islands(body, scale));
+                (
+                    opening.map_or_else(Vec::new, |opening| islands(opening, scale)),
+                    bodies.collect(),
+                )
+            }
+            None => (
+                part(&|part| has_frame && part != Part::Frame),
+                part(&|part| part.body().is_some()),
+            ),
+        };
         let free = scene.free_cells();
         let free_electrode = free
             .as_ref()
@@ -108,11 +134,12 @@ impl Mask {
             prestretch,
             electrode_area: free_electrode.active_cells() as f64 * width * height,
             area_fraction: pattern.area_fraction(free.as_ref()),
-            outline_area: areas.iter().sum::<f64>() * width * height,
-            rounded,
+            outline_area: areas.iter().sum(),
+            rounded: rounded && shapes.is_none(),
+            follows_shapes: shapes.is_some(),
             groups,
-            opening: part(&|part| has_frame && part != Part::Frame),
-            bodies: part(&|part| part.body().is_some()),
+            opening,
+            bodies,
             sides: scene.geometry.sides.clone(),
         }
     }
@@ -130,10 +157,85 @@ impl Mask {
     }
 }
 
+/// How far in mm the outline of a mask may be from a shape.
+const TOLERANCE: f64 = 5e-4;
+
+/// Returns the islands of a region in mm, largest first, with lengths along x and y times `scale`.
+fn islands(region: &Polygons, scale: [f64; 2]) -> Islands {
+    let rings = region.rings().iter().map(|ring| simplified(ring));
+    let (mut outer, holes): (Vec<Vec<Point>>, Vec<Vec<Point>>) = rings
+        .filter(|ring| ring.len() > 2)
+        .partition(|ring| signed_area(ring) > 0.0);
+    outer.sort_by(|a, b| signed_area(b).total_cmp(&signed_area(a)));
+    let regions: Vec<Polygons> = outer
+        .iter()
+        .map(|ring| Polygons::of_rings(vec![ring.clone()]))
+        .collect();
+    let mut islands: Islands = outer.into_iter().map(|ring| (ring, Vec::new())).collect();
+    for hole in holes {
+        // The smallest ring around a hole is the last one.
+        let around = regions
+            .iter()
+            .rposition(|ring| ring.contains(hole[0]) && ring.area() > -signed_area(&hole));
+        if let Some((_, own)) = around.and_then(|at| islands.get_mut(at)) {
+            own.push(hole);
+        }
+    }
+    let scaled = |ring: &mut Vec<Point>| {
+        ring.iter_mut()
+            .for_each(|at| *at = [at[0] * scale[0], at[1] * scale[1]])
+    };
+    for (outer, holes) in &mut islands {
+        scaled(outer);
+        holes.iter_mut().for_each(scaled);
+    }
+    islands
+}
+
+fn signed_area(ring: &[Point]) -> f64 {
+    let next = ring.iter().cycle().skip(1);
+    0.5 * ring
+        .iter()
+        .zip(next)
+        .map(|(a, b)| a[0] * b[1] - a[1] * b[0])
+        .sum::<f64>()
+}
+
+/// Leaves out points of a ring that lie within [`TOLERANCE`] of the line between those that stay (Douglas and Peucker,
+/// Cartographica 10 (1973) 112).
+fn simplified(ring: &[Point]) -> Vec<Point> {
+    let Some(first) = ring.first() else { return Vec::new() };
+    let distance = |a: &Point, b: &Point| (b[0] - a[0]).hypot(b[1] - a[1]);
+    // A ring has no ends: it is divided at the point that is farthest from the first one.
+    let far = (0..ring.len()).max_by(|&a, &b| distance(first, &ring[a]).total_cmp(&distance(first, &ring[b])));
+    let closed: Vec<Point> = ring.iter().chain([first]).copied().collect();
+    let mut kept = vec![false; closed.len()];
+    let middle = far.unwrap_or(0);
+    let mut parts = vec![(0, middle), (middle, ring.len())];
+    while let Some((from, to)) = parts.pop() {
+        (kept[from], kept[to]) = (true, true);
+        let (a, b) = (closed[from], closed[to]);
+        let length = distance(&a, &b);
+        let off = |at: &Point| match length > 0.0 {
+            true => ((b[0] - a[0]) * (at[1] - a[1]) - (b[1] - a[1]) * (at[0] - a[0])).abs() / length,
+            false => distance(&a, at),
+        };
+        let inner = (from + 1..to).map(|at| (off(&closed[at]), at));
+        let most = inner.max_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some((_, at)) = most.filter(|(off, _)| *off > TOLERANCE) {
+            parts.extend([(from, at), (at, to)]);
+        }
+    }
+    let points = ring.iter().zip(kept).filter(|(_, kept)| *kept);
+    points.map(|(point, _)| *point).collect()
+}
+
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
-    use deaflow_pattern::Raster;
+    use deaflow_pattern::{Electrodes, Raster};
 
     #[test]
     fn the_undeformed_mask_is_smaller_by_the_prestretch() {
@@ -155,5 +257,55 @@ mod tests {
             (small.membrane.size_mm[1] - 50.0 / 3.0).abs() < 1e-12 && (small.outline_area - 200.0 / 9.0).abs() < 1e-12
         );
         assert!((small.groups[0][0].0[2][1] - 20.0 / 3.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_mask_follows_shapes_that_are_known() {
+        let scene = Scene::from_text(
+            "geometry: { side: 44 mm, thickness: 1 mm, prestretch: 2, cells: 44, frame: { opening: { disc: { centre: \
+             [22 mm, 22 mm], radius: 20 mm } }, curves: fitted }, bodies: [{ disc: { centre: [22 mm, 22 mm], radius: \
+             5 mm }, curves: fitted }] }\n\
+             material: { model: neo-hookean, shear_modulus: 24.3 kPa, relative_permittivity: 4.7 }\n\
+             drive: { voltage: 1 kV }\n",
+        )
+        .unwrap();
+        let circle = |radius: f64| -> Vec<Point> {
+            let angle = |k: usize| std::f64::consts::TAU * k as f64 / 4000.0;
+            let at = |k| [22.0 + radius * angle(k).cos(), 22.0 + radius * angle(k).sin()];
+            (0..4000).map(at).collect()
+        };
+        let ring = Polygons::new(&[circle(15.0), circle(10.0)]);
+        let cells = Pattern::from_fn(scene.membrane().raster, |_, y| y < 22);
+        let plain = Mask::new(&cells, &scene, Size::Prestretched, false);
+        assert!(!plain.follows_shapes);
+        let shapes = Electrodes::new(&[(1, ring)], [44.0; 2]);
+        let drawn = cells.with_electrodes(Some(Arc::new(shapes)));
+        let mask = Mask::new(&drawn, &scene, Size::Prestretched, false);
+        let pi = std::f64::consts::PI;
+        assert!(
+            mask.follows_shapes && (mask.outline_area - 125.0 * pi).abs() < 0.01,
+            "{}",
+            mask.outline_area
+        );
+        let [(outer, holes)] = &mask.groups[0][..] else {
+            panic!("{:?}", mask.groups)
+        };
+        assert_eq!(holes.len(), 1);
+        // Far fewer points than the shape has, all of them on it.
+        assert!((100..1000).contains(&outer.len()), "{}", outer.len());
+        let off = |ring: &[Point], radius: f64| {
+            let far = ring
+                .iter()
+                .map(|at| ((at[0] - 22.0).hypot(at[1] - 22.0) - radius).abs());
+            far.fold(0.0, f64::max)
+        };
+        assert!(off(outer, 15.0) < 1e-5 && off(&holes[0], 10.0) < 1e-5);
+        for mask in [&mask, &plain] {
+            assert!(off(&mask.opening[0].0, 20.0) < 1e-5 && off(&mask.bodies[0].0, 5.0) < 1e-5);
+        }
+        // Half as large before it is stretched.
+        let small = Mask::new(&drawn, &scene, Size::Undeformed, false);
+        assert!((small.groups[0][0].0[0][0] - 0.5 * outer[0][0]).abs() < 1e-12);
+        assert!((small.outline_area - 0.25 * mask.outline_area).abs() < 1e-9);
     }
 }

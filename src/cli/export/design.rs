@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
 use serde::Serialize;
@@ -18,7 +19,7 @@ use crate::{CliError, Exit, Output, locate, write};
 use deaflow_base::four_digits;
 use deaflow_fem::SolveOptions;
 use deaflow_field::Mesh;
-use deaflow_pattern::has_patterns;
+use deaflow_pattern::{Electrodes, has_patterns};
 use deaflow_report::export::{self, MOST_PIXELS, Surface, mask_drawing};
 use deaflow_report::{set_options, shell_word};
 use deaflow_scene::{Mask, Size, Voltages};
@@ -299,13 +300,18 @@ fn of_group(design: Design, arguments: &ExportDesignArguments, format: DesignFor
         ))),
         Some(group) => {
             let voltage = Voltages::one(design.scene.voltage());
+            let shapes = design.pattern.electrodes().map(|shapes| {
+                let own = shapes.groups().iter().filter(|(number, _)| *number == group);
+                let own = own.map(|(_, region)| (1, region.clone())).collect();
+                Arc::new(Electrodes::of_parts(own, shapes.size_mm()))
+            });
             Ok(Design {
                 title: if groups > 1 {
                     format!("{} group {group}", design.title)
                 } else {
                     design.title
                 },
-                pattern: design.pattern.of_group(group),
+                pattern: design.pattern.of_group(group).with_electrodes(shapes),
                 scene: design.scene.with_voltages(voltage),
                 ..design
             })
@@ -459,7 +465,11 @@ fn mask_document(mask: &Mask) -> Value {
         "prestretch": one_or_both(mask.prestretch),
         "area_mm2": mask.electrode_area,
         "area_fraction": mask.area_fraction,
-        "outline": if mask.rounded { "rounded" } else { "square" },
+        "outline": match (mask.follows_shapes, mask.rounded) {
+            (true, _) => "shapes",
+            (false, true) => "rounded",
+            (false, false) => "square",
+        },
         "outline_area_mm2": mask.outline_area,
         "islands": mask.islands(),
         "holes": mask.holes(),

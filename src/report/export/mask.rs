@@ -68,9 +68,14 @@ fn mask_notes(mask: &Mask) -> Vec<String> {
         ),
     ];
     notes.extend(mask.sides.as_ref().map(|sides| format!("sides: {}", described(sides))));
-    if mask.rounded {
+    if mask.rounded || mask.follows_shapes {
+        let outline = if mask.rounded {
+            "outline rounded"
+        } else {
+            "outline along the shapes"
+        };
         notes.push(format!(
-            "outline rounded: its area is {} mm^2, {:+.4} mm^2 compared with the cells",
+            "{outline}: its area is {} mm^2, {:+.4} mm^2 compared with the cells",
             format::number(mask.outline_area),
             mask.outline_area - mask.electrode_area
         ));
