@@ -1,6 +1,6 @@
 //! Artifacts: the list, and the details of one.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use serde_json::{Value, json};
@@ -9,6 +9,8 @@ use crate::artifact_data::scene_of;
 use crate::http::{ApiError, Request, Response};
 use crate::state::ServerState;
 use deaflow_base::ArtifactId;
+use deaflow_content::{ArtifactKind, Designs, LongTexts, Verification};
+use deaflow_report::Objective;
 use deaflow_store::{Ancestor, Artifact, Content, Store};
 
 /// Artifacts in one response.
@@ -100,8 +102,29 @@ fn made_by(store: &Store, artifact: &ArtifactId) -> Result<Option<String>, ApiEr
     Ok(None)
 }
 
-/// Returns kind, attributes, datasets, provenance, ancestry and stage of an artifact, and the area of the membrane that
-/// is neither frame nor body if it has a scene.
+/// Returns the objectives of designs: for each text in the syntax of pipelines its `words`, and `degrees_per_mm` if its
+/// values are arc lengths of rotations. Objectives that cannot be read are left out, as the page shows their texts.
+fn objectives(artifact: &Artifact) -> BTreeMap<String, Value> {
+    let texts = match ArtifactKind::of(artifact) {
+        Some(ArtifactKind::Design) => Designs::open(artifact).and_then(|view| view.rows().objective().read()),
+        Some(ArtifactKind::Verify) => Verification::open(artifact).and_then(|view| view.rows().objective().read()),
+        _ => return BTreeMap::new(),
+    };
+    let (Ok(LongTexts(mut texts)), Ok(scene)) = (texts, scene_of(artifact)) else {
+        return BTreeMap::new();
+    };
+    texts.sort_unstable();
+    texts.dedup();
+    let described = texts.into_iter().filter_map(|text| {
+        let read = Objective::read(&text, &scene).ok()?;
+        let described = json!({ "words": read.words(), "degrees_per_mm": read.degrees(1.0) });
+        Some((text, described))
+    });
+    described.collect()
+}
+
+/// Returns kind, attributes, datasets, provenance, ancestry and stage of an artifact, the area of the membrane that is
+/// neither frame nor body if it has a scene, and the objectives of designs in words.
 ///
 /// # Errors
 /// If it does not exist, or is damaged.
@@ -135,6 +158,7 @@ pub fn artifact(state: &ServerState, request: &Request, digest: &str) -> Result<
         "attributes": artifact.attributes(),
         "parts": artifact.parts().iter().map(ArtifactId::to_string).collect::<Vec<_>>(),
         "free_area_mm2": scene_of(&artifact).ok().map(|scene| scene.free_area_mm2()),
+        "objectives": objectives(&artifact),
         "datasets": datasets,
         "provenance": artifact.provenance()?,
         "ancestry": ancestry,

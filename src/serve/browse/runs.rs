@@ -11,7 +11,7 @@ use super::units::units;
 use crate::http::{ApiError, Request, Response};
 use crate::jobs::running_jobs;
 use crate::state::ServerState;
-use deaflow_base::{ActionKey, read_own};
+use deaflow_base::{ActionKey, Canonical, read_own};
 use deaflow_executor::workers;
 use deaflow_orchestrator::as_set;
 use deaflow_report::{
@@ -76,7 +76,11 @@ impl<'s> RecordedValues<'s> {
             Entry::Vacant(place) => {
                 let record = self.store.record(&stage.key)?.record();
                 let leaves = record.iter().flat_map(|record| record.action.parameters.leaves());
-                place.insert(leaves.map(|(path, value)| (path, value.to_string())).collect())
+                let leaves = leaves.flat_map(|(path, value)| {
+                    let area = area_of_only_target(&path, value).map(|area| (AREA.to_owned(), area.to_string()));
+                    [Some((path, value.to_string())), area]
+                });
+                place.insert(leaves.flatten().collect())
             }
         })
     }
@@ -105,6 +109,21 @@ impl<'s> RecordedValues<'s> {
             }
         }
         Ok(found)
+    }
+}
+
+/// The key of the area of a design stage.
+const AREA: &str = "area";
+
+/// Returns the area of a design stage with one target: files have it beside the keys of the stage, records in a list of
+/// targets.
+fn area_of_only_target<'v>(path: &str, value: &'v Canonical) -> Option<&'v Canonical> {
+    match (as_set(path), value) {
+        ("targets", Canonical::List(targets)) => match &targets[..] {
+            [Canonical::Map(only)] => only.get(AREA),
+            _ => None,
+        },
+        _ => None,
     }
 }
 

@@ -46,17 +46,29 @@ export async function designs(place, found) {
           patterns[at] ?? null,
           rowLink(found.digest, at),
           h("div", {}, h("b", {}, ROLES[rows.role[at]] ?? rows.role[at]), rows.member?.[at] ? ` ${rows.member[at] + 1}` : ""),
-          h("div", {}, values[at] === null ? outcome ?? "no value" : `${errors[at] === null ? number(values[at]) : measured(values[at], errors[at])} ${unit}`, shareOf(rows, values, at)),
+          h("div", {}, values[at] === null ? outcome ?? "no value" : `${errors[at] === null ? number(values[at]) : measured(values[at], errors[at])} ${unit}${angle(found, rows.objective?.[at], values[at])}`, shareOf(rows, values, at)),
           h("div", { class: "soft" }, [areaWords(found, rows.area[at]), rows.case[at]].filter(Boolean).join(", ")),
           otherObjectives(rows, at).map((words) => h("div", { class: "soft" }, words)),
         ),
         h("div", { class: "tools tight", role: "group", "aria-label": `Mask of ${ROLES[rows.role[at]] ?? rows.role[at]}` }, FORMATS.map((format) => h("button", { type: "button", class: "slim", "data-mask": format, onclick: () => void keep(format, at) }, format))),
       );
     };
-    return h("section", {}, h("h2", {}, name || "the target"), rows.objective ? h("p", { class: "soft small" }, rows.objective[own[0]]) : null, h("div", { class: "cards large" }, order.map(one)));
+    return h("section", {}, h("h2", {}, name || "the target"), rows.objective ? h("p", { class: "soft small", title: rows.objective[own[0]] }, inWords(found, rows.objective[own[0]])) : null, h("div", { class: "cards large" }, order.map(one)));
   };
   const what = unit === FORCE ? `Changes of the force of sides on the membrane along the target direction, ${found.kind === "verify" ? "simulated" : "as predicted by the search; a verify stage simulates them"}.` : found.kind === "verify" ? "Simulated displacements along the target direction." : "Displacements along the target direction as predicted by the search; a verify stage simulates them.";
   replace(place, h("p", { class: "soft" }, what, " The buttons save masks at the size of the prestretched membrane."), errorBox, [...new Set(rows.name)].map(target));
+}
+
+/** An objective in words; as in the file if it cannot be read. @param {any} found @param {string} text */
+function inWords(found, text) {
+  const words = found.objectives?.[text]?.words;
+  return words ? words[0].toUpperCase() + words.slice(1) : text;
+}
+
+/** The angle of an arc length. @param {any} found @param {string|undefined} text of the objective @param {number} value */
+function angle(found, text, value) {
+  const degrees = text === undefined ? null : found.objectives?.[text]?.degrees_per_mm;
+  return degrees ? ` (${number(degrees * value)}°)` : "";
 }
 
 /** The objectives of a point of a front after the first; all designs have their area. @param {Record<string, any[]>} rows @param {number} at @returns {string[]} */

@@ -147,9 +147,14 @@ export function changedValues(set) {
   return Object.entries(set).map(([path, value]) => `${near(path)}=${value}`).join(", ") || "the values of the file";
 }
 
+/** A text with places for line breaks after dots and equals signs, so that narrow screens do not break words. @param {string} text @returns {Child[]} */
+function breakable(text) {
+  return text.split(/(?<=[.=/])/).flatMap((part, at) => (at ? [h("wbr"), part] : [part]));
+}
+
 /** The `--set` values of a run. @param {Record<string, string>} set */
 export function changes(set) {
-  return h("span", {}, Object.entries(set).map(([path, value]) => h("div", { class: "mono" }, `${near(path)}=${value}`)));
+  return h("span", {}, Object.entries(set).map(([path, value]) => h("div", { class: "mono" }, breakable(`${near(path)}=${value}`))));
 }
 
 /** A table with more columns scrolls on a narrow screen. */

@@ -1,7 +1,7 @@
 // Past runs: one of them, and the comparison of several.
 
 import { json } from "./server.js";
-import { attempt, cell, h, near, number, pageOf, prose, replace, seconds, short, table, titled, changedValues, when } from "./elements.js";
+import { attempt, cell, h, near, number, pageOf, prose, replace, seconds, short, table, titled, changedValues, changes, when } from "./elements.js";
 import { image } from "./pictures.js";
 
 /** The order of results. */
@@ -24,7 +24,7 @@ export function lastRuns({ run, changed }) {
   const link = (/** @type {any} */ one) => h("a", { href: `#/runs/${one.id}` }, `${when(one.created).slice(0, 16)} UTC`);
   return [
     h("p", { class: "soft small" }, run ? ["Last run ", link(run), `, took ${seconds(run.seconds)}`] : changed ? "no run with the values of the file" : "never run"),
-    changed ? h("p", { class: "soft small" }, run ? "Later run " : "Last run ", link(changed), ` with ${changedValues(changed.overrides)}`) : null,
+    changed ? h("div", { class: "soft small" }, h("p", {}, run ? "Later run " : "Last run ", link(changed), " with"), changes(changed.overrides)) : null,
   ];
 }
 

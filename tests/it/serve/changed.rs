@@ -125,13 +125,12 @@ fn runs_without_a_change_stand_at_the_value_of_the_file() {
         .rev()
         .map(|run| &run["values"])
         .collect();
-    // The area is part of the targets of the search, whose record has no such path.
-    assert_eq!(
-        values[0],
-        &json!({ "scene.drive.voltage": "5250 V", "stages.drawn.count": "2" })
-    );
-    assert_eq!(values[1], &json!({ "stages.drawn.count": "2" }));
-    assert_eq!(values[2], &json!({ "scene.drive.voltage": "5250 V" }));
+    // Records have the area of a search with one target in their list of targets.
+    let (volts, count, area) = ("scene.drive.voltage", "stages.drawn.count", "stages.best.area");
+    assert_eq!(values[0], &json!({ volts: "5250 V", count: "2", area: "0.5" }));
+    assert_eq!(values[1], &json!({ count: "2", area: "0.5" }));
+    assert_eq!(values[2], &json!({ volts: "5250 V", area: "0.5" }));
+    assert_eq!(values[3], &json!({ volts: "5250 V", count: "2" }));
     assert!(server.get("/api/runs").json()["runs"][0].get("values").is_none());
 
     let Some(mut tab) = Tab::open() else { return };
@@ -149,15 +148,14 @@ fn runs_without_a_change_stand_at_the_value_of_the_file() {
             "5250 V",
             "4 kV",
             "stages.best.area",
-            "30 %",
+            "0.5",
             "5 %",
-            "as in the file",
             "stages.drawn.count",
             "5",
             "2",
             "best.predicted",
-            texts[11],
-            texts[12]
+            texts[10],
+            texts[11]
         ])
     );
     // Each line reaches all four axes; the run of the file is at the upper end of the voltage.
@@ -167,7 +165,7 @@ fn runs_without_a_change_stand_at_the_value_of_the_file() {
     assert!(lines.values().all(|heights| heights.len() == 4), "{lines:?}");
     assert!(of(0)[0] < of(1)[0] && of(0)[0] == of(2)[0], "{lines:?}");
     assert!(
-        of(0)[1] > of(4)[1] && of(4)[1] > of(3)[1] && of(0)[1] == of(1)[1],
+        of(4)[1] > of(3)[1] && of(3)[1] > of(0)[1] && of(0)[1] == of(1)[1],
         "{lines:?}"
     );
     assert!(of(0)[2] > of(2)[2], "{lines:?}");

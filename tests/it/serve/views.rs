@@ -116,6 +116,11 @@ fn models_designs_and_accuracy_have_views_of_their_own() {
             .contains("% of the best pattern found by gradient search under the same constraints"),
         "{text}"
     );
+    // The objective stands there in words.
+    assert!(
+        text.as_str().unwrap().contains("Displacement of (25, 25) mm at 0°"),
+        "{text}"
+    );
     // Areas have mm² beside the share, and numbers their errors.
     let cards = "[...document.querySelectorAll('.card')]";
     let with_both = format!("{cards}.length > 1 && {cards}.every((card) => / %, \\d+ mm²/.test(card.textContent))");
