@@ -11,7 +11,7 @@ mod sheet;
 mod sides;
 
 pub use axis::{Axis, EMPTY, extent};
-pub use chart::{Chart, Colour, LARGE, MAX_NAMED, Mark, Series, THOUSAND};
+pub use chart::{Chart, Colour, LARGE, LETTER, MAX_NAMED, Mark, Series, THOUSAND};
 pub use error::FigureError;
 pub use membrane::{Background, DeformedMembrane, direction, exaggeration, viridis};
 pub use path::number;

@@ -3,19 +3,23 @@
 use maud::{Markup, html};
 
 use super::layout::{BOX, Layout, layout};
-use crate::drawing::{Colour, number};
+use crate::drawing::{Colour, LETTER, number};
 use crate::format::{bytes, cut, seconds};
 use crate::history::{PipelineHistory, StageRecord};
 use crate::html::Page;
 use deaflow_base::readable_time as time;
 
 /// Widths in units of the page: of a box, and of the gap between two layers.
-const WIDTH: f64 = 184.0;
+const WIDTH: f64 = 208.0;
 const BETWEEN: f64 = 42.0;
+
+/// From the left edge of a box to its text.
+const INDENT: f64 = 13.0;
 
 /// Letters that fit in a box.
 const NAME: usize = 21;
 const LINE: usize = 30;
+const _: () = assert!(INDENT + LETTER * LINE as f64 <= WIDTH);
 
 /// The scale at which the drawing starts to scroll.
 const SMALLEST: f64 = 0.72;
@@ -169,10 +173,10 @@ fn boxed(stage: &StageRecord, (layer, middle): (usize, f64)) -> Markup {
             title { (description) }
             rect width=(WIDTH) height=(BOX) rx="6" {}
             rect class={ "bar " (BuildState::of(stage).class()) } x="0" y="0" width="5" height=(BOX) rx="2.5" {}
-            text.name x="13" y="21" { (cut(&stage.name, NAME)) }
-            text x="13" y="39" { (stage.kind) }
+            text.name x=(INDENT) y="21" { (cut(&stage.name, NAME)) }
+            text x=(INDENT) y="39" { (stage.kind) }
             text.mono x=(digest_at) y="39" { (digest) }
-            text x="13" y="56" { (cut(&format!("{}{cost}{size}", short(stage)), LINE)) }
+            text x=(INDENT) y="56" { (cut(&format!("{}{cost}{size}", short(stage)), LINE)) }
         }
     }
 }

@@ -88,14 +88,11 @@ pub(crate) fn scene_rows(scene: &Scene, effects: &str, written: &[(String, Strin
         .filter(|(name, _)| name != "effects")
         .map(|(name, text)| row(name, text))
         .collect();
-    let none = matches!(effects.trim(), "" | "{}");
-    rows.push(row(
-        "effects simulated",
-        match none {
-            true => "none",
-            false => effects,
-        },
-    ));
+    let effects = match without_braces(effects) {
+        "" => "none",
+        effects => effects,
+    };
+    rows.push(row("effects simulated", effects));
     rows
 }
 
@@ -103,12 +100,15 @@ fn canonical_parts(scene: &Scene) -> Vec<(String, String)> {
     let Canonical::Map(parts) = scene.canonical() else {
         return Vec::new();
     };
-    let part = |(name, part): (&String, &Canonical)| {
-        let text = part.to_string();
-        let inner = text.strip_prefix('{').and_then(|text| text.strip_suffix('}'));
-        (name.clone(), inner.unwrap_or(&text).trim().to_owned())
-    };
+    let part = |(name, part): (&String, &Canonical)| (name.clone(), without_braces(&part.to_string()).to_owned());
     parts.iter().map(part).collect()
+}
+
+/// Returns the inside of a mapping; other texts as they are.
+fn without_braces(text: &str) -> &str {
+    let text = text.trim();
+    let inner = text.strip_prefix('{').and_then(|text| text.strip_suffix('}'));
+    inner.unwrap_or(text).trim()
 }
 
 #[cfg(test)]
@@ -126,6 +126,9 @@ mod tests {
             "{parts:?}"
         );
         assert_eq!(parts[parts.len() - 1], ["effects simulated", "none"]);
+        let with_gent = scene_rows(&scene, "{strain_stiffening: {jm: 90, model: gent}}", &[]);
+        let last = ["effects simulated", "strain_stiffening: {jm: 90, model: gent}"];
+        assert_eq!(with_gent[with_gent.len() - 1], last);
 
         let written = [("drive", "voltage: 5.25 kV"), ("effects", "")].map(|(a, b)| (a.to_owned(), b.to_owned()));
         let parts = scene_rows(&scene, "{}", &written);
