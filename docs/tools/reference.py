@@ -42,7 +42,9 @@ def sentence(schema):
     text = re.sub(r"From (\S+) to (\S+) (\S+), in .*?; a bare number is in \S+?\.$", r"\1 to \2 \3.", text)
     text = re.sub(r"A number from (\S+) to (\S+)\.$", r"\1 to \2.", text)
     whole = schema.get("type") == "integer"
-    if whole and schema.get("maximum", 0) < 2**53:
+    # A description that names both ends, and nothing between them, needs no range.
+    has_ends = whole and f"{schema.get('minimum')} or {schema.get('maximum')}." in text
+    if whole and not has_ends and schema.get("maximum", 0) < 2**53:
         text += f" {schema['minimum']} to {schema['maximum']}."
     if "const" in schema:
         text += f" `{literal(schema['const'])}`."

@@ -55,7 +55,7 @@ parameters! {
 }
 
 parameters! {
-    /// The points of a front.
+    /// Number and search method.
     pub struct Pareto as "`pareto`" {
         /// Number of points: at equal steps of the second objective, or the most different ones of the genetic
         /// algorithm.
