@@ -30,7 +30,8 @@ struct Cluster {
 impl Cluster {
     fn new() -> Self {
         let workspace = Workspace::new();
-        workspace.write("short.yaml", SHORT);
+        // Of more cells: the work must last until it is interrupted.
+        workspace.write("short.yaml", &SHORT.replace("cells: 20", "cells: 50"));
         workspace.write("cluster.yaml", PROFILE);
         fs::create_dir_all(workspace.path("slurm/jobs")).unwrap();
         fs::create_dir(workspace.path("slurm/bin")).unwrap();

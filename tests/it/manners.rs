@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use super::common::{Ended, SMALL, Transcript, Workspace, csv, scene_file, snapshot};
+use super::common::{Ended, SMALL, Transcript, Workspace, csv, scene_file, scene_of_20_cells, snapshot};
 
 /// Runs a command in a folder of the workspace.
 fn run_in(workspace: &Workspace, folder: &str, arguments: &[&str]) -> Ended {
@@ -495,8 +495,8 @@ fn a_pipeline_alone_in_a_folder_need_not_be_named() {
 fn another_scene_is_taken_from_a_file() {
     let workspace = Workspace::small();
     fs::create_dir(workspace.path("deep")).unwrap();
-    workspace.write("deep/other.yaml", &scene_file().replace("5.25 kV", "4 kV"));
-    workspace.write("same.yaml", &scene_file());
+    workspace.write("deep/other.yaml", &scene_of_20_cells().replace("5.25 kV", "4 kV"));
+    workspace.write("same.yaml", &scene_of_20_cells());
     let keys = |folder: &str, arguments: &[&str]| {
         let ended = run_in(&workspace, folder, &[&["explain"], arguments, &["--json"]].concat());
         assert_eq!(ended.code, Some(0), "{arguments:?}: {}", ended.stderr);
@@ -610,7 +610,7 @@ fn files_are_shown_without_a_store() {
         (&shown["digest"], &shown["record"]),
         (&part.into(), &serde_json::Value::Null)
     );
-    assert!(workspace.run(&["show", "whole.h5"]).stdout.contains("4 × 50 × 50"));
+    assert!(workspace.run(&["show", "whole.h5"]).stdout.contains("4 × 20 × 20"));
     let mut printed = Transcript::default();
     for (file, named) in [
         ("manifest.h5", "export artifact"),

@@ -458,11 +458,11 @@ fn runs_artifacts_and_rows_are_those_of_the_commands() {
         total - 1
     ));
     let (document, data) = reply.frame();
-    assert_eq!(document["arrays"][0]["shape"], json!([2, 50, 50]));
+    assert_eq!(document["arrays"][0]["shape"], json!([2, 20, 20]));
     let plain = rows("").json();
     for (k, row) in [0, total as usize - 1].into_iter().enumerate() {
-        let active = data[k * 2500..(k + 1) * 2500].iter().filter(|cell| **cell == 1).count();
-        assert!((plain["rows"][row][place("area")].as_f64().unwrap() - active as f64 / 2500.0).abs() < 1e-12);
+        let active = data[k * 400..(k + 1) * 400].iter().filter(|cell| **cell == 1).count();
+        assert!((plain["rows"][row][place("area")].as_f64().unwrap() - active as f64 / 400.0).abs() < 1e-12);
     }
     assert_eq!(
         server

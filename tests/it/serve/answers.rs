@@ -8,7 +8,7 @@ use std::time::Duration;
 use rustix::process::Signal;
 use serde_json::{Value, json};
 
-use super::super::common::{SHORT, Workspace, scene_file, with_scene_in_a_file};
+use super::super::common::{SHORT, SMALL, Workspace, scene_file, with_scene_in_a_file};
 use super::server::{Reply, Server};
 use super::{disc, rows, with_scene};
 
@@ -195,7 +195,8 @@ fn apart(one: &[u8], other: &[u8]) -> usize {
 
 #[test]
 fn neighbours_are_those_that_differ_in_the_fewest_cells_however_they_are_turned() {
-    let workspace = Workspace::small();
+    let workspace = Workspace::new();
+    workspace.write("small.yaml", &SMALL.replace("cells: 20", "cells: 50"));
     let digests = workspace.stages(&["run", "small.yaml"]).digests();
     let server = Server::start(&workspace, &["serve", "small.yaml"]);
     let (solved, balanced) = (&digests["solved"], &digests["balanced"]);
