@@ -7,6 +7,9 @@ use deaflow_base::{Canonical, Decimal, InputError, Length, Node, NodeValue, Para
 /// Limits of a length, mm.
 const LENGTHS: std::ops::RangeInclusive<f64> = -1e6..=1e6;
 
+/// Displacements as drawn up to this, mm, are rounding errors of the solver.
+const LEAST_MM: f64 = 1e-6;
+
 /// The displacement that a device has to reach.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
@@ -61,7 +64,7 @@ impl Wanted {
     pub fn in_mm(self, as_drawn_mm: Option<f64>) -> Option<f64> {
         match self {
             Self::Length(length) => Some(length.value()),
-            Self::Share(share) => Some(share.to_f64() * as_drawn_mm.filter(|mm| *mm > 0.0)?),
+            Self::Share(share) => Some(share.to_f64() * as_drawn_mm.filter(|mm| *mm > LEAST_MM)?),
         }
     }
 

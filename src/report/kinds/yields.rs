@@ -188,6 +188,10 @@ impl OfDesign {
                 let share = percents(reached.value);
                 format!("{share} ({low} to {high}) of the devices reach {wanted}")
             }
+            (None, Some(wanted)) => format!(
+                "{} of the devices; as drawn it does not move along the direction, so none reaches {wanted}",
+                self.spread()
+            ),
             _ => format!("{} of the devices", self.spread()),
         }
     }
