@@ -226,7 +226,7 @@ impl Override {
 }
 
 /// Returns the depth from which a path is within a stage or the scene. Paths of a scene without a pipeline may have a
-/// single step, as `least` tells.
+/// single step: `least` is 1.
 fn created_from(path: &[String], least: usize) -> usize {
     match path.first() {
         _ if least < 2 => 0,

@@ -24,7 +24,7 @@ export function lastRuns({ run, changed }) {
   const link = (/** @type {any} */ one) => h("a", { href: `#/runs/${one.id}` }, `${when(one.created).slice(0, 16)} UTC`);
   return [
     h("p", { class: "soft small" }, run ? ["Last run ", link(run), `, took ${seconds(run.seconds)}`] : changed ? "no run with the values of the file" : "never run"),
-    changed ? h("div", { class: "soft small" }, h("p", {}, run ? "Later run " : "Last run ", link(changed), " with"), changes(changed.overrides)) : null,
+    changed ? h("div", { class: "soft small" }, h("p", {}, run ? "Later run " : "Last run ", link(changed), " with "), changes(changed.overrides)) : null,
   ];
 }
 
