@@ -3,7 +3,7 @@
 
 use super::model::Scene;
 use super::sides::Sides;
-use deaflow_pattern::{Corners, Membrane, Part, Pattern, Polygons, outlines, total_area};
+use deaflow_pattern::{Corners, Membrane, Part, Pattern, Polygons, outlines, ring_area, total_area};
 
 /// A point in mm, the origin at the lower left corner of the membrane.
 pub type Point = [f64; 2];
@@ -165,8 +165,8 @@ fn islands(region: &Polygons, scale: [f64; 2]) -> Islands {
     let rings = region.rings().iter().map(|ring| simplified(ring));
     let (mut outer, holes): (Vec<Vec<Point>>, Vec<Vec<Point>>) = rings
         .filter(|ring| ring.len() > 2)
-        .partition(|ring| signed_area(ring) > 0.0);
-    outer.sort_by(|a, b| signed_area(b).total_cmp(&signed_area(a)));
+        .partition(|ring| ring_area(ring) > 0.0);
+    outer.sort_by(|a, b| ring_area(b).total_cmp(&ring_area(a)));
     let regions: Vec<Polygons> = outer
         .iter()
         .map(|ring| Polygons::of_rings(vec![ring.clone()]))
@@ -176,7 +176,7 @@ fn islands(region: &Polygons, scale: [f64; 2]) -> Islands {
         // The smallest ring around a hole is the last one.
         let around = regions
             .iter()
-            .rposition(|ring| ring.contains(hole[0]) && ring.area() > -signed_area(&hole));
+            .rposition(|ring| ring.contains(hole[0]) && ring.area() > -ring_area(&hole));
         if let Some((_, own)) = around.and_then(|at| islands.get_mut(at)) {
             own.push(hole);
         }
@@ -190,15 +190,6 @@ fn islands(region: &Polygons, scale: [f64; 2]) -> Islands {
         holes.iter_mut().for_each(scaled);
     }
     islands
-}
-
-fn signed_area(ring: &[Point]) -> f64 {
-    let next = ring.iter().cycle().skip(1);
-    0.5 * ring
-        .iter()
-        .zip(next)
-        .map(|(a, b)| a[0] * b[1] - a[1] * b[0])
-        .sum::<f64>()
 }
 
 /// Leaves out points of a ring that lie within [`TOLERANCE`] of the line between those that stay (Douglas and Peucker,

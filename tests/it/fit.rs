@@ -581,7 +581,8 @@ fn a_law_with_undetermined_parameters_gives_way_to_one_that_is_almost_as_good() 
     // A stage chooses the same.
     workspace.write(
         "p.yaml",
-        "version: 1\nname: p\nscene: scene.yaml\nstages:\n  pulled: { kind: measure, files: [{ file: stiffening.csv, test: uniaxial, sigma: 2 % }] }\n  \
+        "version: 1\nname: p\nscene: scene.yaml\nstages:\n  \
+         pulled: { kind: measure, files: [{ file: stiffening.csv, test: uniaxial, sigma: 2 % }] }\n  \
          law: { kind: fit, needs: [pulled], laws: [ogden:2, arruda-boyce] }\n",
     );
     let ended = workspace.run(&["run", "p.yaml", "-v"]);

@@ -71,23 +71,18 @@ fn overrides_replace_and_add_and_are_quoted_in_errors() {
 fn an_override_creates_missing_parts_of_a_scene_but_not_what_looks_misspelt() {
     let scene = "geometry: { side: 50 mm }\n";
     let apply = |node: &mut Node, set: Override| set.apply(node).map_err(|error| error.to_string());
+    let has_density = |scene: &Node| {
+        let part = scene.peek("properties");
+        part.is_some_and(|part| part.peek("density").is_some())
+    };
     let mut alone = parse(scene);
     apply(&mut alone, Override::of_scene("properties.density=960").unwrap()).unwrap();
-    assert!(
-        alone
-            .peek("properties")
-            .is_some_and(|part| part.peek("density").is_some())
-    );
+    assert!(has_density(&alone));
     let misspelt = apply(&mut alone, Override::of_scene("geometri.side=1").unwrap()).unwrap_err();
     assert!(misspelt.contains("no `geometri` in the scene"), "{misspelt}");
     let mut pipeline = parse("scene: { geometry: { side: 50 mm } }\nstages: {}\n");
     apply(&mut pipeline, Override::parse("scene.properties.density=960").unwrap()).unwrap();
-    let scene = pipeline.peek("scene").unwrap();
-    assert!(
-        scene
-            .peek("properties")
-            .is_some_and(|part| part.peek("density").is_some())
-    );
+    assert!(has_density(pipeline.peek("scene").unwrap()));
     // A stage is not created.
     let stage = apply(&mut pipeline, Override::parse("stages.new.count=4").unwrap()).unwrap_err();
     assert!(stage.contains("no `new` in `stages`"), "{stage}");

@@ -101,9 +101,7 @@ fn read_where(source: &ArtifactReader<'_>, is_read: impl Fn(&DesignDevices) -> b
     let of_one = |design: DesignDevices| {
         let devices = Device::of_rows(&design.outcome, &design.displacement, &design.deviations);
         let devices = devices.ok_or_else(|| source.wrong("its devices have unknown outcomes"))?;
-        let wanted_mm = wanted.and_then(|wanted| wanted.in_mm(design.drawn));
-        let result = Yield::of(&devices, &varying, wanted_mm);
-        Ok(OfDesign::new(&design, &devices, &result, wanted))
+        Ok(OfDesign::new(&design, &devices, &varying, wanted))
     };
     let designs = source.of(view.designs())?.into_iter().filter(is_read).map(of_one);
     Ok(Found {
@@ -143,7 +141,9 @@ pub(crate) fn devices_of(run: &RunArtifacts<'_>, design: &Design) -> Result<Vec<
 }
 
 impl OfDesign {
-    fn new(design: &DesignDevices, devices: &[Device], result: &Yield, wanted: Option<Wanted>) -> Self {
+    fn new(design: &DesignDevices, devices: &[Device], varying: &[Source], wanted: Option<Wanted>) -> Self {
+        let wanted_mm = wanted.and_then(|wanted| wanted.in_mm(design.drawn));
+        let result = Yield::of(devices, varying, wanted_mm);
         let mut ordered: Vec<(&'static str, f64)> = result
             .shares
             .iter()
@@ -154,7 +154,7 @@ impl OfDesign {
             title: design_title(&design.case, &design.name, design.member, design.role),
             as_drawn_mm: design.drawn,
             wanted: wanted.map(|wanted| wanted.described(design.drawn)),
-            wanted_mm: wanted.and_then(|wanted| wanted.in_mm(design.drawn)),
+            wanted_mm,
             samples: result.samples,
             mean_mm: result.mean,
             standard_deviation_mm: result.deviation,
@@ -167,7 +167,7 @@ impl OfDesign {
                 .collect(),
             target: (design.case.clone(), design.name.clone()),
             rank: result.rank(),
-            described: describe(result),
+            described: describe(&result),
             shares: result
                 .shares
                 .iter()

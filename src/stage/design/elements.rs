@@ -18,7 +18,7 @@ pub struct ForTarget<'a> {
     pub stage: &'a DesignStage,
     /// The target.
     pub target: &'a Target,
-    /// Tells whether the run was stopped.
+    /// Knows whether the run was stopped.
     scratch: &'a Scratch<'a>,
     model: OnceLock<Stoppable<'a>>,
 }

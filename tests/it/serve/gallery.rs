@@ -109,7 +109,10 @@ fn the_sketchpad_opens_with_a_pattern_that_moves_and_has_a_gallery() {
     tab.until(SETTLED);
     assert!(tab.number("#max-displacement") > 0.1);
     // A pattern of one group has the group that is driven in the state.
-    tab.value("(() => { const state = document.querySelector('select[name=state]'); state.value = 'pull'; state.dispatchEvent(new Event('change')); })()");
+    tab.value(
+        "(() => { const state = document.querySelector('select[name=state]'); state.value = 'pull'; \
+         state.dispatchEvent(new Event('change')); })()",
+    );
     tab.click("[data-gallery=disc]");
     tab.until(SETTLED);
     assert!(tab.number("#max-displacement") > 0.1);
