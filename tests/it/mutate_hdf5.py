@@ -26,7 +26,7 @@ import read_store  # noqa: E402
 SECONDS, PATIENCE, MEMORY = 10, 60, 1 << 20  # KiB
 BLOCK = 512
 
-SCENE = """geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
+SCENE = """geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 20 }
 material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
 drive: { voltage: 5.25 kV }
 effects: {}
@@ -179,15 +179,15 @@ def prepare(program):
     folder = program.folder
     (folder / "scene.yaml").write_text(SCENE)
     (folder / "small.yaml").write_text(PIPELINE)
-    cells = (np.add.outer(np.arange(50), np.arange(50)) // 5 % 2).astype("u1")
+    cells = (np.add.outer(np.arange(20), np.arange(20)) // 2 % 2).astype("u1")
     np.savetxt(folder / "p.csv", cells, fmt="%d", delimiter=",")
     with h5py.File(folder / "patterns.sound", "w") as file:
         file["plain"] = cells
         file.create_dataset("packed", data=np.stack([cells] * 3), compression="gzip", shuffle=True)
         file["group/family"] = ["checker"] * 3
         # Nothing is active and nothing moves: an audit finds that sound, and quickly.
-        file["patterns"] = np.zeros((3, 50, 50), "u1")
-        file["displacement"] = np.zeros((3, 51, 51, 2), "f4")
+        file["patterns"] = np.zeros((3, 20, 20), "u1")
+        file["displacement"] = np.zeros((3, 21, 21, 2), "f4")
         file["family"] = ["checker"] * 3
         file["split"] = np.array([b"train", b"test", b"train"])
         file.attrs["scene"] = SCENE

@@ -19,7 +19,7 @@ use rustix::process::Signal;
 use serde_json::{Value, json};
 
 use super::browser::MEASURE;
-use super::common::{Workspace, csv, files, scene_file};
+use super::common::{Workspace, csv, csv_of, files, scene_file, scene_of_20_cells};
 use server::Server;
 use tab::Tab;
 
@@ -30,8 +30,13 @@ fn disc(x: usize, y: usize) -> bool {
 }
 
 fn rows(active: impl Fn(usize, usize) -> bool) -> Value {
-    let row = |y: usize| (0..50).map(|x| u8::from(active(x, y))).collect::<Vec<_>>();
-    json!((0..50).map(row).collect::<Vec<_>>())
+    rows_of(50, active)
+}
+
+/// A pattern of `cells` × `cells` cells.
+fn rows_of(cells: usize, active: impl Fn(usize, usize) -> bool) -> Value {
+    let row = |y: usize| (0..cells).map(|x| u8::from(active(x, y))).collect::<Vec<_>>();
+    json!((0..cells).map(row).collect::<Vec<_>>())
 }
 
 fn with_scene() -> Workspace {
@@ -729,19 +734,24 @@ fn photographed(tab: &mut Tab, name: &str) {
 
 /// Opens the sketchpad with a scene and waits for its first answer.
 fn on_the_sketchpad(tab: &mut Tab) -> (Workspace, Server) {
-    let workspace = with_scene();
+    sketchpad_of(tab, &scene_file(), 50)
+}
+
+fn sketchpad_of(tab: &mut Tab, scene: &str, cells: usize) -> (Workspace, Server) {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", scene);
     let server = Server::start(&workspace, &["sketch", "scene.yaml"]);
     tab.screen(1440, 900, "light");
     tab.go(&server.url);
     tab.until("document.querySelector('#outcome')");
-    blank(tab, "scene");
+    blank(tab, "scene", cells);
     (workspace, server)
 }
 
-/// Opens the sketchpad anew with an empty drawing of a scene of 50 × 50 cells: by itself it begins with a pattern.
-fn blank(tab: &mut Tab, scene: &str) {
+/// Opens the sketchpad anew with an empty drawing of a scene: by itself it begins with a pattern.
+fn blank(tab: &mut Tab, scene: &str, cells: usize) {
     let key = format!("deaflow {scene}");
-    let cells = rows(|_, _| false).to_string();
+    let cells = rows_of(cells, |_, _| false).to_string();
     tab.value(&format!("sessionStorage.setItem({}, {})", json!(key), json!(cells)));
     tab.reload();
     tab.until("document.querySelector('#outcome')");
@@ -750,7 +760,7 @@ fn blank(tab: &mut Tab, scene: &str) {
 #[test]
 fn strokes_on_the_sketchpad_are_solved_and_limits_are_told() {
     let Some(mut tab) = Tab::open() else { return };
-    let (workspace, _server) = on_the_sketchpad(&mut tab);
+    let (workspace, _server) = sketchpad_of(&mut tab, &scene_of_20_cells(), 20);
     assert_eq!(
         tab.value("location.search"),
         "",
@@ -764,9 +774,9 @@ fn strokes_on_the_sketchpad_are_solved_and_limits_are_told() {
     // The pattern is what the page itself would save.
     let drawn = tab.value("JSON.parse(localStorage.getItem('deaflow scene'))");
     let cells = |x: usize, y: usize| drawn[y][x] == 1;
-    let active = (0..2500).filter(|at| cells(at % 50, at / 50)).count();
-    assert!((100..1500).contains(&active), "{active}");
-    workspace.write("drawn.csv", &csv(cells));
+    let active = (0..400).filter(|at| cells(at % 20, at / 20)).count();
+    assert!((16..240).contains(&active), "{active}");
+    workspace.write("drawn.csv", &csv_of(20, cells));
     let (largest, code, _) = solved(&workspace, "drawn.csv", "scene.yaml", &["--elements-per-cell", "1"]);
     assert_eq!(code, Some(0));
     let shown = tab.number("#max-displacement");
@@ -778,7 +788,7 @@ fn strokes_on_the_sketchpad_are_solved_and_limits_are_told() {
     tab.write("#volts", "9000");
     tab.until("document.querySelector('#outcome').textContent === 'pull-in' || document.querySelector('#outcome').textContent === 'not-elliptic'");
     tab.until("document.querySelector('#notice').textContent.includes('stable up to')");
-    workspace.write("high.yaml", &scene_file().replace("5.25 kV", "9 kV"));
+    workspace.write("high.yaml", &scene_of_20_cells().replace("5.25 kV", "9 kV"));
     let (_, code, outcome) = solved(&workspace, "drawn.csv", "high.yaml", &["--elements-per-cell", "1"]);
     assert_eq!((code, outcome), (Some(3), tab.text("#outcome")));
     tab.write("#volts", "5250");

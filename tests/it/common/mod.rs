@@ -287,13 +287,18 @@ pub fn files(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// A pattern as a table: a row of `0` and `1` a line.
+/// A pattern of 50 × 50 cells as a table: a row of `0` and `1` a line.
 pub fn csv(active: impl Fn(usize, usize) -> bool) -> String {
+    csv_of(50, active)
+}
+
+/// A pattern of `cells` × `cells` cells as a table.
+pub fn csv_of(cells: usize, active: impl Fn(usize, usize) -> bool) -> String {
     let row = |y| {
-        (0..50)
+        (0..cells)
             .map(|x| if active(x, y) { "1" } else { "0" })
             .collect::<Vec<_>>()
             .join(",")
     };
-    (0..50).map(|y| row(y) + "\n").collect()
+    (0..cells).map(|y| row(y) + "\n").collect()
 }

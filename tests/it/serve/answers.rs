@@ -8,9 +8,9 @@ use std::time::Duration;
 use rustix::process::Signal;
 use serde_json::{Value, json};
 
-use super::super::common::{SHORT, SMALL, Workspace, scene_file, with_scene_in_a_file};
+use super::super::common::{SHORT, SMALL, Workspace, scene_file, scene_of_20_cells, with_scene_in_a_file};
 use super::server::{Reply, Server};
-use super::{disc, rows, with_scene};
+use super::{disc, rows, rows_of, with_scene};
 
 #[test]
 fn what_is_named_must_be_there_and_be_read() {
@@ -34,10 +34,12 @@ fn what_is_named_must_be_there_and_be_read() {
 
 #[test]
 fn the_critical_voltage_is_that_of_the_pattern_whatever_voltage_is_asked_for() {
-    let workspace = with_scene();
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &scene_of_20_cells());
     let server = Server::start(&workspace, &["sketch", "scene.yaml"]);
+    let pattern = rows_of(20, |x, y| disc(5 * x / 2 + 1, 5 * y / 2 + 1));
     let at = |voltage: &str| {
-        let body = json!({ "pattern": rows(disc), "voltage": voltage, "elements_per_cell": 1 });
+        let body = json!({ "pattern": pattern, "voltage": voltage, "elements_per_cell": 1 });
         let found = server.post("/api/sketch", &body).json();
         let number = |key: &str| found[key].as_f64().unwrap_or_else(|| panic!("{voltage}: {found}"));
         let ends = [0, 1].map(|end| found["critical_bracket"][end].as_f64().unwrap());
@@ -61,7 +63,7 @@ fn the_critical_voltage_is_that_of_the_pattern_whatever_voltage_is_asked_for() {
         error_of_meshes > 0.0 && error_of_meshes < 0.05 * critical,
         "{error_of_meshes}"
     );
-    let fine = json!({ "pattern": rows(disc), "elements_per_cell": 2, "order": 2 });
+    let fine = json!({ "pattern": pattern, "elements_per_cell": 2, "order": 2 });
     let fine = server.post("/api/sketch", &fine).json();
     let fine = 0.5 * (fine["critical_bracket"][0].as_f64().unwrap() + fine["critical_bracket"][1].as_f64().unwrap());
     assert!(

@@ -25,7 +25,7 @@ fn the_pad_keeps_to_the_membrane_and_to_its_own_drawing_and_says_what_is_old() {
     tab.screen(1440, 900, "light");
     tab.go(&server.url);
     tab.until("document.querySelector('#outcome')");
-    super::blank(&mut tab, "round");
+    super::blank(&mut tab, "round", 50);
     // Nothing is drawn on the frame, and all is what is within it.
     tab.click("[data-tool=rectangle]");
     tab.stroke("#pad", &[[0.01, 0.01], [0.07, 0.07]]);

@@ -322,7 +322,7 @@ fn a_wrong_number_is_told_beside_its_field_and_all_values_can_be_reached() {
     tab.screen(1440, 900, "light");
     tab.go(&format!("{}#/sketch", server.url));
     tab.until("document.querySelector('#outcome')");
-    blank(&mut tab, "many");
+    blank(&mut tab, "many", 50);
     for (wrong, told) in [
         ("-5", "allowed: 0 to 1000000 V"),
         ("abc", "“abc” is not a number"),
