@@ -136,8 +136,8 @@ impl Build<'_> {
         let answer = progress.clone();
         let stop = Stop::on_signals(move || {
             answer.note(
-                "stopping: finished chunks and the state of trainings and genetic searches are kept; press Ctrl-C \
-                 again to end at once",
+                "stopping: finished chunks and the state of trainings and searches are kept; press Ctrl-C again to end \
+                 at once",
             );
         })?;
         let transfers = progress.clone();

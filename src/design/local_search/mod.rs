@@ -17,11 +17,13 @@ mod units;
 
 pub use problem::SearchProblem;
 
+use serde::{Deserialize, Serialize};
+
 use deaflow_field::StateFields;
 use deaflow_pattern::Pattern;
 
 /// One step of a local search.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SearchStep {
     /// Displacement along the target directions in mm.
     pub value_mm: f64,
@@ -51,7 +53,7 @@ pub struct LocalOptimum {
 }
 
 /// Why a local search cannot start from a pattern.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
 pub enum StartError {
     /// No pattern near it satisfies the target area and the constraints.
     #[error("cannot satisfy the target area and the constraints")]

@@ -1,6 +1,7 @@
 //! The search for designs of one target: by the genetic algorithm with optional refinement, or by gradient search.
 
 mod candidates;
+mod finished;
 mod found;
 mod front;
 mod genetic;
@@ -66,6 +67,9 @@ pub trait SearchProgress: Observer {
 
     /// Called after each local search.
     fn searched(&self);
+
+    /// Called first if the search is resumed from a checkpoint, with the number of finished local searches.
+    fn searched_before(&self, _searches: usize) {}
 }
 
 /// The error of an evaluator that cannot be created.

@@ -136,4 +136,8 @@ impl SearchProgress for Follow<'_> {
         self.ended.set((steps + self.steps.replace(0), searches + 1));
         self.job.progress.advance(1);
     }
+
+    fn searched_before(&self, searches: usize) {
+        self.job.progress.resume(searches as u64);
+    }
 }
