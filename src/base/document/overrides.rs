@@ -140,8 +140,8 @@ impl Override {
     }
 
     /// Sets the value in the tree; `null` removes the key. Every step except the last must exist. Within a stage or the
-    /// scene, a missing step is created as a mapping unless it looks like a misspelt key; the reader of the mapping
-    /// checks it. In a list a step is the number of an item, from 0.
+    /// scene, a missing step is created as a mapping unless it looks like a misspelt key of another part; the reader of
+    /// the mapping checks it. In a list a step is the number of an item, from 0.
     ///
     /// # Errors
     /// When a step does not exist or is neither a mapping nor a list, or there is nothing to remove.
@@ -150,8 +150,8 @@ impl Override {
         let (last, steps) = self.path.split_last().expect("a path has at least one step");
         for (depth, step) in steps.iter().enumerate() {
             let (known, parent) = (at.keys(), at.parent_of(step));
-            if depth >= self.created_from && parent.is_none() && at.child_mut(step).is_none() && !is_near(step, &known)
-            {
+            let is_missing = parent.is_none() && at.child_mut(step).is_none();
+            if depth >= self.created_from && is_missing && !is_near_part(step, at) {
                 at.put(step, self.keys[depth].with_value(NodeValue::Map(Vec::new())));
             }
             let items = items_of(at);
@@ -243,9 +243,16 @@ fn items_of(node: &Node) -> Option<usize> {
     }
 }
 
-/// Returns whether a step looks like a misspelt known key.
-fn is_near(step: &str, known: &[String]) -> bool {
-    nearest(step, &as_strs(known)).is_some()
+/// Returns whether a step looks like the misspelt key of a mapping or a list, into which a path can lead: `sides` of a
+/// geometry is not `side`, a length.
+fn is_near_part(step: &str, node: &Node) -> bool {
+    let NodeValue::Map(entries) = node.value() else {
+        return false;
+    };
+    let is_part = |value: &Node| matches!(value.value(), NodeValue::Map(_) | NodeValue::List(_));
+    let parts = entries.iter().filter(|(_, value)| is_part(value));
+    let keys: Vec<String> = parts.map(|(key, _)| key.describe_plain()).collect();
+    nearest(step, &as_strs(&keys)).is_some()
 }
 
 fn as_strs(words: &[String]) -> Vec<&str> {

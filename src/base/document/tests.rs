@@ -78,6 +78,10 @@ fn an_override_creates_missing_parts_of_a_scene_but_not_what_looks_misspelt() {
     let mut alone = parse(scene);
     apply(&mut alone, Override::of_scene("properties.density=960").unwrap()).unwrap();
     assert!(has_density(&alone));
+    // The length `side` is no part.
+    apply(&mut alone, Override::of_scene("geometry.sides.right=free").unwrap()).unwrap();
+    let geometry = alone.peek("geometry").unwrap();
+    assert_eq!(geometry.written(), "{ side: 50 mm, sides: { right: free } }");
     let misspelt = apply(&mut alone, Override::of_scene("geometri.side=1").unwrap()).unwrap_err();
     assert!(misspelt.contains("no `geometri` in the scene"), "{misspelt}");
     let mut pipeline = parse("scene: { geometry: { side: 50 mm } }\nstages: {}\n");
