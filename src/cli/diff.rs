@@ -80,14 +80,22 @@ pub fn execute(arguments: &DiffArguments, output: &Output) -> Result<Exit, CliEr
     }
     output.result(
         || document(&from, &to, &parameters, &results),
-        || text(&from, &to, &parameters, &results),
+        || text(&from, &to, &written_parameters(&from, &to), &results),
     )
 }
 
 /// Returns the parameters that differ, by the paths of `--set`. Parameters of the scene that are the same for all
 /// stages appear once.
-pub fn parameters(from: &Snapshot, to: &Snapshot) -> Vec<Change<Canonical>> {
-    let (before, after) = (from.parameters(), to.parameters());
+fn parameters(from: &Snapshot, to: &Snapshot) -> Vec<Change<Canonical>> {
+    changes([from, to], [from.parameters(), to.parameters()])
+}
+
+/// Returns the same as written in a pipeline, for people.
+pub fn written_parameters(from: &Snapshot, to: &Snapshot) -> Vec<Change<Canonical>> {
+    changes([from, to], [from.written_parameters(to), to.written_parameters(from)])
+}
+
+fn changes([from, to]: [&Snapshot; 2], [before, after]: [BTreeMap<String, Canonical>; 2]) -> Vec<Change<Canonical>> {
     let names = before
         .keys()
         .chain(after.keys().filter(|name| !before.contains_key(*name)));
@@ -200,7 +208,7 @@ fn text(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], result
             .flowing(&["parameter", "from", "to"])
             .at_most(WIDTH);
         let shown = |value: &Option<Canonical>| value.as_ref().map_or_else(|| "–".to_owned(), Canonical::to_string);
-        for (name, change) in together(parameters, [from, to]) {
+        for (name, change) in together(parameters) {
             table.add_row([name, shown(&change.from), shown(&change.to)]);
         }
         text.table(table);
@@ -260,9 +268,8 @@ fn text(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], result
     text
 }
 
-/// Combines equal changes of several entries of a list, such as several `units`, into one, named as the field is
-/// written in the pipeline of one of these sides. Of different changes of one field, that of most entries has its name.
-pub fn together<'a>(changes: &'a [Change<Canonical>], sides: [&Snapshot; 2]) -> Vec<(String, &'a Change<Canonical>)> {
+/// Combines equal changes of several entries of a list into one.
+pub fn together(changes: &[Change<Canonical>]) -> Vec<(String, &Change<Canonical>)> {
     /// The path before and after the number, the numbers, and the first change.
     type Combined<'a> = (Option<[&'a str; 2]>, Vec<&'a str>, &'a Change<Canonical>);
     let mut combined: Vec<Combined<'_>> = Vec::new();
@@ -277,16 +284,12 @@ pub fn together<'a>(changes: &'a [Change<Canonical>], sides: [&Snapshot; 2]) -> 
             (_, parts) => combined.push((ends, parts.iter().map(|[_, number, _]| *number).collect(), change)),
         }
     }
-    let written = |change: &Change<Canonical>| sides.iter().find_map(|side| side.written_as(&change.name));
-    let named = combined.iter().enumerate().map(|(at, (ends, numbers, change))| {
-        let is_less = |other: usize| (combined[other].1.len(), other) <= (numbers.len(), at);
-        let same = (0..combined.len()).filter(|other| ends.is_some() && combined[*other].0 == *ends);
-        let field = written(change).filter(|_| same.clone().all(is_less));
+    let named = combined.into_iter().map(|(ends, numbers, change)| {
         let name = match (ends, numbers.as_slice()) {
             (Some([before, after]), [_, _, ..]) => format!("{before}.{{{}}}.{after}", numbers.join(",")),
             _ => change.name.clone(),
         };
-        (field.unwrap_or(name), *change)
+        (name, change)
     });
     named.collect()
 }
@@ -348,33 +351,53 @@ mod tests {
             to: Some(Canonical::from(to)),
         };
         let changes = [
-            change("stages.a.units.3.count", 50),
-            change("stages.a.units.5.count", 50),
-            change("stages.a.units.7.count", 60),
             change("stages.b.list.0.x", 50),
             change("stages.b.list.1.x", 50),
+            change("stages.b.list.2.x", 60),
             change("stages.c.count", 50),
         ];
-        let mut of_pipeline = Snapshot::new("side".to_owned());
-        let family = |name: &str| Canonical::map([("family", Canonical::from(name))]);
-        let units = Canonical::map([("units", Canonical::map([("3", family("large-grid"))]))]);
-        of_pipeline.add_stage("a", "sample", Some(units));
-        of_pipeline.add_stage("c", "sample", Some(family("small-grid")));
-        let sides = [&side(&[]), &of_pipeline];
-        let names = |changes: &[Change<Canonical>]| -> Vec<String> {
-            together(changes, sides).into_iter().map(|(name, _)| name).collect()
+        let names: Vec<String> = together(&changes).into_iter().map(|(name, _)| name).collect();
+        assert_eq!(names, ["stages.b.list.{0,1}.x", "stages.b.list.2.x", "stages.c.count"]);
+    }
+
+    #[test]
+    fn changes_are_named_by_the_keys_of_the_pipeline() {
+        let group = |units: u64, count: u64| {
+            let own = [("units", units.into()), ("count", count.into())];
+            (
+                units.to_string(),
+                Canonical::map(own.into_iter().chain([("family", "large-grid".into())])),
+            )
         };
+        let of_groups = |groups: &[(u64, u64)]| {
+            let mut side = Snapshot::new("side".to_owned());
+            let parameters = match groups {
+                [(units, count)] => group(*units, *count).1,
+                many => {
+                    let groups = many.iter().map(|(units, count)| group(*units, *count));
+                    Canonical::map([("units", Canonical::map(groups))])
+                }
+            };
+            side.add_stage("a", "sample", Some(parameters));
+            side
+        };
+        let told = |from: &[(u64, u64)], to: &[(u64, u64)]| -> Vec<String> {
+            let changes = written_parameters(&of_groups(from), &of_groups(to));
+            let text = |value: &Option<Canonical>| value.as_ref().map_or_else(String::new, Canonical::to_string);
+            let named = together(&changes).into_iter();
+            named
+                .map(|(name, change)| format!("{name}: {} to {}", text(&change.from), text(&change.to)))
+                .collect()
+        };
+        let grids = [(2, 6), (4, 40), (10, 40)];
+        assert_eq!(told(&grids, &grids[..2]), ["stages.a.units: [2, 4, 10] to [2, 4]"]);
+        assert_eq!(told(&grids[..2], &grids[..1]), ["stages.a.units: [2, 4] to [2]"]);
         assert_eq!(
-            names(&changes),
-            [
-                "stages.a.count_per_units",
-                "stages.a.units.7.count",
-                "stages.b.list.{0,1}.x",
-                "stages.c.count"
-            ]
+            told(&grids, &[(2, 6), (4, 50), (10, 50)]),
+            ["stages.a.count_per_units: 40 to 50"]
         );
-        // A single number of units has the same key.
-        assert_eq!(names(&changes[..1]), ["stages.a.count_per_units"]);
+        let changes = parameters(&of_groups(&grids), &of_groups(&grids[..2]));
+        assert!(changes.iter().any(|change| change.name == "stages.a.units.10.count"));
     }
 
     #[test]

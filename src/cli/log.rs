@@ -268,11 +268,11 @@ fn changed(runs: &[Run], store: &Store) -> Result<Vec<Vec<String>>, CliError> {
             .map(|stage| format!("stages.{}.", stage.name))
             .collect();
         let is_added = |change: &diff::Change<Canonical>| added.iter().any(|start| change.name.starts_with(start));
-        let mut changes = diff::parameters(&snapshots[before], &snapshots[at]);
+        let mut changes = diff::written_parameters(&snapshots[before], &snapshots[at]);
         // A stage that one of them did not reach does not count.
         changes.retain(|change| change.from.is_some() && change.to.is_some() && !is_set(change) && !is_added(change));
         let text = |value: &Option<Canonical>| value.as_ref().map_or_else(String::new, Canonical::to_string);
-        diff::together(&changes, [&snapshots[before], &snapshots[at]])
+        diff::together(&changes)
             .into_iter()
             .map(|(name, change)| format!("{name} from {} to {}", text(&change.from), text(&change.to)))
             .chain(unknown_changes(

@@ -12,14 +12,16 @@ use deaflow_store::{Artifact, LockFile, Record, Run, Store, StoreError};
 /// The prefix of parameters that come from the scene.
 const SCENE: &str = "scene.";
 
+/// Name, kind and parameters of a stage; the parameters are missing if their record is gone.
+type NamedStage = (String, String, Option<Canonical>);
+
 /// One side of a comparison.
 pub struct Snapshot {
     /// Its description.
     pub title: String,
     /// Whether it is a pipeline, whose values can be overridden.
     pub can_be_set: bool,
-    /// Name, kind and parameters of each stage; the parameters are missing if their record is gone.
-    stages: Vec<(String, String, Option<Canonical>)>,
+    stages: Vec<NamedStage>,
     /// The results, by name.
     pub results: BTreeMap<String, f64>,
     /// What is unknown, and why.
@@ -77,50 +79,63 @@ impl Snapshot {
             .unwrap_or(("", name))
     }
 
-    /// Returns the path of `--set` as it is written in a pipeline, where a parameter has another name.
-    pub fn written_as(&self, path: &str) -> Option<String> {
-        let of = |(name, kind, parameters): &(String, String, Option<Canonical>)| {
-            let own = path
-                .strip_prefix("stages.")?
-                .strip_prefix(name.as_str())?
-                .strip_prefix('.')?;
-            let kind = stage::registry().kinds.into_iter().find(|known| known.name() == kind)?;
-            let key = kind.written_as(own, parameters.as_ref()?)?;
-            Some(format!("stages.{name}.{key}"))
-        };
-        self.stages.iter().find_map(of)
-    }
-
     /// Returns all parameters by the paths of `--set`: `scene.drive.voltage` if it is the same for all stages that have
     /// it,
     /// otherwise `stages.NAME.scene.drive.voltage`.
     pub fn parameters(&self) -> BTreeMap<String, Canonical> {
-        let mut all = BTreeMap::new();
-        let mut of_scene: BTreeMap<String, Vec<(&str, &Canonical)>> = BTreeMap::new();
-        for (name, kind, parameters) in &self.stages {
-            all.insert(format!("stages.{name}.kind"), Canonical::from(kind.as_str()));
-            for (path, value) in parameters.iter().flat_map(Canonical::leaves) {
-                let path = as_set(&path).to_owned();
-                if !is_of_users(&path) {
-                    continue;
-                }
-                match path.starts_with(SCENE) {
-                    true => of_scene.entry(path).or_default().push((name, value)),
-                    false => drop(all.insert(format!("stages.{name}.{path}"), value.clone())),
-                }
-            }
-        }
-        for (path, values) in of_scene {
-            let first = values[0].1;
-            if values.iter().all(|(_, value)| *value == first) {
-                all.insert(path, first.clone());
-            } else {
-                let each = values.into_iter();
-                all.extend(each.map(|(name, value)| (format!("stages.{name}.{path}"), value.clone())));
-            }
-        }
-        all
+        by_path(&self.stages)
     }
+
+    /// Returns the parameters as they are written in a pipeline, to name what differs from another snapshot.
+    pub fn written_parameters(&self, other: &Self) -> BTreeMap<String, Canonical> {
+        let kinds = stage::registry().kinds;
+        let written = |(name, kind, parameters): &NamedStage| {
+            let own = parameters.as_ref()?;
+            let same = other.stages.iter().find(|(known, of, _)| (known, of) == (name, kind));
+            let theirs = same.and_then(|(.., theirs)| theirs.as_ref()).unwrap_or(own);
+            let kind = kinds.iter().find(|known| known.name() == kind)?;
+            let [written, _] = kind.as_written([own, theirs]);
+            Some(written)
+        };
+        let stages = self.stages.iter();
+        let stages = stages.map(|stage| {
+            (
+                stage.0.clone(),
+                stage.1.clone(),
+                written(stage).or_else(|| stage.2.clone()),
+            )
+        });
+        by_path(&stages.collect::<Vec<_>>())
+    }
+}
+
+/// Returns parameters of stages by the paths of `--set`, as [`Snapshot::parameters`].
+fn by_path(stages: &[NamedStage]) -> BTreeMap<String, Canonical> {
+    let mut all = BTreeMap::new();
+    let mut of_scene: BTreeMap<String, Vec<(&str, &Canonical)>> = BTreeMap::new();
+    for (name, kind, parameters) in stages {
+        all.insert(format!("stages.{name}.kind"), Canonical::from(kind.as_str()));
+        for (path, value) in parameters.iter().flat_map(Canonical::leaves) {
+            let path = as_set(&path).to_owned();
+            if !is_of_users(&path) {
+                continue;
+            }
+            match path.starts_with(SCENE) {
+                true => of_scene.entry(path).or_default().push((name, value)),
+                false => drop(all.insert(format!("stages.{name}.{path}"), value.clone())),
+            }
+        }
+    }
+    for (path, values) in of_scene {
+        let first = values[0].1;
+        if values.iter().all(|(_, value)| *value == first) {
+            all.insert(path, first.clone());
+        } else {
+            let each = values.into_iter();
+            all.extend(each.map(|(name, value)| (format!("stages.{name}.{path}"), value.clone())));
+        }
+    }
+    all
 }
 
 /// Reads snapshots of what arguments name.

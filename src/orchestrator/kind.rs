@@ -95,11 +95,10 @@ pub trait Kind: Sync {
         &[]
     }
 
-    /// Returns the key of a pipeline that sets a canonical parameter, where that has another name than its `path` in
-    /// the `parameters` of a stage.
-    fn written_as(&self, path: &str, parameters: &Canonical) -> Option<&'static str> {
-        let _ = (path, parameters);
-        None
+    /// Returns the parameters of two stages of this kind as they are written in a pipeline, to name what differs: by the
+    /// keys of the file, with shares in per cent where a length would have its unit.
+    fn as_written(&self, both: [&Canonical; 2]) -> [Canonical; 2] {
+        both.map(Canonical::clone)
     }
 
     /// Returns the results of a finished artifact as numbers by name, such as `max_displacement` or `rmse.physics`.

@@ -6,7 +6,7 @@
 
 use super::lock_difference::LockDifference;
 use super::spec::{Pipeline, StageSpec};
-use super::staleness::{Current, Staleness, as_written};
+use super::staleness::{Current, Staleness};
 use deaflow_base::ArtifactId;
 use deaflow_store::{Action, LockFile, LockedStage, Record, Store, StoreError};
 
@@ -60,17 +60,13 @@ fn other_key(
     }
     let current = Current {
         recipe: spec.recipe(),
-        recipe_of_kind: spec.kind.recipe(),
+        kind: spec.kind,
         parameters: &parameters,
         inputs: &inputs,
     };
     let why = match store.record(&locked.key)?.record() {
         Some(then) => {
-            let reasons = as_written(
-                Staleness::all_since(&current, Some(&then), None),
-                spec.kind,
-                &parameters,
-            );
+            let reasons = Staleness::all_since(&current, Some(&then), None);
             let reasons: Vec<String> = reasons.iter().map(ToString::to_string).collect();
             reasons.join("; ")
         }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::kind::{Chunk, Input, Plan};
 use super::spec::{Pipeline, StageSpec};
-use super::staleness::{Current, Staleness, as_written};
+use super::staleness::{Current, Staleness};
 use deaflow_base::{ActionKey, ArtifactId, Canonical};
 use deaflow_store::{
     Action, Condition, Effort, Lookup, Object, Record, RecordIndex, Run, RunStage, Runs, RunsOf, Store, StoreError,
@@ -338,7 +338,7 @@ impl<'a> Planner<'a> {
         let inputs: Vec<(&str, Option<ArtifactId>)> = names.zip(digests.iter().copied()).collect();
         let current = Current {
             recipe: spec.recipe(),
-            recipe_of_kind: spec.kind.recipe(),
+            kind: spec.kind,
             parameters,
             inputs: &inputs,
         };
@@ -366,7 +366,7 @@ impl<'a> Planner<'a> {
                 (nearest, is_known) = (since, true);
             }
         }
-        Ok(as_written(nearest, spec.kind, parameters))
+        Ok(nearest)
     }
 
     /// Returns the last runs of the pipeline with which a stage is compared, newest first.

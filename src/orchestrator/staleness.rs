@@ -64,8 +64,8 @@ impl fmt::Display for Staleness {
 pub struct Current<'a> {
     /// RECIPE number of its results: that of its kind, and what follows from its parameters.
     pub recipe: u32,
-    /// RECIPE number of its kind alone.
-    pub recipe_of_kind: u32,
+    /// Its kind.
+    pub kind: &'a dyn Kind,
     /// Canonical parameters.
     pub parameters: &'a Canonical,
     /// Names of the stages that it needs, with their digests as far as known.
@@ -85,9 +85,11 @@ impl Staleness {
         let Some(previous) = previous else {
             return vec![Self::NoRecord];
         };
-        let mut all = parameters_changed(current.parameters, &previous.action.parameters);
+        let both = [current.parameters, &previous.action.parameters];
+        let [now, then] = current.kind.as_written(both);
+        let mut all = parameters_changed(&now, &then);
         // What follows from changed parameters is no reason of its own. A smaller number is that of an older kind.
-        let follows = !all.is_empty() && previous.action.recipe >= current.recipe_of_kind;
+        let follows = !all.is_empty() && previous.action.recipe >= current.kind.recipe();
         all.extend(recipe_changed(current.recipe, previous.action.recipe).filter(|_| !follows));
         all.extend(inputs_changed(current.inputs, &previous.action.inputs, run));
         if all.is_empty() {
@@ -101,23 +103,6 @@ impl Staleness {
     pub fn of_artifact(condition: &Condition) -> Option<Self> {
         artifact_missing(condition).or_else(|| artifact_damaged(condition))
     }
-}
-
-/// Names changed parameters as they are written in a pipeline. Of several changes with one key, such as those of each
-/// number of units, the last is kept.
-#[must_use]
-pub fn as_written(all: Vec<Staleness>, kind: &dyn Kind, parameters: &Canonical) -> Vec<Staleness> {
-    let mut named: Vec<Staleness> = Vec::with_capacity(all.len());
-    for mut reason in all {
-        if let Staleness::ParameterChanged { which, .. } = &mut reason
-            && let Some(key) = kind.written_as(which, parameters)
-        {
-            key.clone_into(which);
-            named.retain(|other| !matches!(other, Staleness::ParameterChanged { which, .. } if which == key));
-        }
-        named.push(reason);
-    }
-    named
 }
 
 fn parameters_changed(now: &Canonical, then: &Canonical) -> Vec<Staleness> {
@@ -202,12 +187,19 @@ fn artifact_damaged(condition: &Condition) -> Option<Staleness> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::AtomicU64;
+
     use super::*;
+    use crate::tests::Count;
     use deaflow_base::FileDigest;
     use deaflow_store::Action;
 
     #[test]
     fn a_recipe_that_follows_from_a_parameter_is_no_reason() {
+        static KIND: Count = Count {
+            fails: AtomicU64::new(0),
+            recipe: 5,
+        };
         let parameters = |mesh: u64| Canonical::map([("elements_per_cell", mesh.into())]);
         let record = |recipe: u32| {
             let action = Action {
@@ -233,7 +225,7 @@ mod tests {
             let parameters = parameters(mesh);
             let current = Current {
                 recipe: 13,
-                recipe_of_kind: 5,
+                kind: &&KIND,
                 parameters: &parameters,
                 inputs: &[],
             };

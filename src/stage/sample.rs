@@ -34,16 +34,17 @@ impl Kind for SampleKind {
         &["family"]
     }
 
-    fn written_as(&self, path: &str, parameters: &Canonical) -> Option<&'static str> {
-        // The number of samples of each group is one key of the family.
-        let is_count = path == "count" || path.starts_with("units.") && path.ends_with(".count");
-        let leaves = parameters.leaves();
-        let is_family = |path: &str| path == "family" || path.starts_with("units.") && path.ends_with(".family");
-        let (_, family) = leaves.iter().find(|(path, _)| is_count && is_family(path))?;
-        let entry = FAMILIES
-            .iter()
-            .find(|entry| matches!(family, Canonical::Text(name) if name == entry.name()))?;
-        entry.keys().into_iter().find(|key| key.starts_with("count_"))
+    fn as_written(&self, both: [&Canonical; 2]) -> [Canonical; 2] {
+        let written = both.map(UnitGroups::of);
+        if let [Some(now), Some(then)] = &written {
+            let changed = now.changes_counts(then);
+            return [now.written(changed), then.written(changed)];
+        }
+        let [now, then] = written;
+        [(now, both[0]), (then, both[1])].map(|(written, as_is)| match written {
+            Some(groups) => groups.written(true),
+            None => as_is.clone(),
+        })
     }
 
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
@@ -77,6 +78,82 @@ impl Kind for SampleKind {
             seed,
             electrodes,
         }))
+    }
+}
+
+/// The parameters of a stage whose family draws patterns for several numbers of units.
+struct UnitGroups<'a> {
+    /// The number of units of each group with its parameters, by rising number.
+    groups: Vec<(u64, &'a BTreeMap<String, Canonical>)>,
+    /// The parameters of the whole stage.
+    common: Vec<(&'a String, &'a Canonical)>,
+    /// The key of the number of patterns of each group.
+    count_key: &'static str,
+}
+
+impl<'a> UnitGroups<'a> {
+    /// Finds them in the parameters of a stage; `None` for other families.
+    fn of(parameters: &'a Canonical) -> Option<Self> {
+        let Canonical::Map(all) = parameters else { return None };
+        let (each, common): (Vec<&Canonical>, _) = match all.get("units") {
+            Some(Canonical::Map(groups)) => {
+                let common = all.iter().filter(|(key, _)| *key != "units");
+                (groups.values().collect(), common.collect())
+            }
+            _ => (vec![parameters], Vec::new()),
+        };
+        let group = |parameters: &'a Canonical| match parameters {
+            Canonical::Map(own) => Some((integer(own.get("units")?)?, own)),
+            _ => None,
+        };
+        let mut groups: Vec<_> = each.into_iter().map(group).collect::<Option<_>>()?;
+        groups.sort_by_key(|(units, _)| *units);
+        let Some(Canonical::Text(family)) = groups.first()?.1.get("family") else {
+            return None;
+        };
+        let entry = FAMILIES.iter().find(|entry| entry.name() == family)?;
+        Some(Self {
+            groups,
+            common,
+            count_key: entry.keys().into_iter().find(|key| key.starts_with("count_"))?,
+        })
+    }
+
+    /// Returns whether a number of units that both have has another number of patterns. There may be fewer patterns of
+    /// few units than are wanted.
+    fn changes_counts(&self, other: &Self) -> bool {
+        let count = |of: &Self, units: u64| {
+            let found = of.groups.iter().find(|(known, _)| *known == units);
+            found.map(|(_, own)| own.get("count"))
+        };
+        let mut both = self
+            .groups
+            .iter()
+            .filter_map(|(units, own)| Some((own.get("count"), count(other, *units)?)));
+        let is_common = |(units, _): &(u64, _)| count(other, *units).is_some();
+        both.any(|(own, other)| own != other) || !self.groups.iter().any(is_common)
+    }
+
+    /// Returns the parameters by the keys of a pipeline; without the number of patterns if that has not changed.
+    fn written(&self, with_count: bool) -> Canonical {
+        let units = self.groups.iter().map(|(units, _)| Canonical::from(*units));
+        let counts = self.groups.iter().filter_map(|(_, own)| integer(own.get("count")?));
+        let count = counts.max().filter(|_| with_count);
+        let own = self.groups.iter().take(1).flat_map(|(_, own)| own.iter());
+        let own = own.filter(|(key, _)| !["units", "count"].contains(&key.as_str()));
+        let all = own.chain(self.common.iter().copied());
+        let all = all.map(|(key, value)| (key.clone(), value.clone()));
+        let keys = [("units".to_owned(), units.collect())];
+        let count = count.map(|count| (self.count_key.to_owned(), count.into()));
+        Canonical::map(all.chain(keys).chain(count))
+    }
+}
+
+/// Returns an integer of canonical parameters.
+fn integer(value: &Canonical) -> Option<u64> {
+    match value {
+        Canonical::Number(number, _) => number.to_string().parse().ok(),
+        _ => None,
     }
 }
 

@@ -112,6 +112,26 @@ pub fn with_scene(parameters: Canonical, scene: &Scene) -> Canonical {
     Canonical::map(own.into_iter().chain([("scene".to_owned(), scene.canonical())]))
 }
 
+/// Writes the numbers without a unit in parameters, at a path and below it, in per cent: they are shares.
+pub fn in_percent(parameters: &mut Canonical, path: &[&str]) {
+    match (parameters, path) {
+        (Canonical::Map(entries), [key, rest @ ..]) => {
+            if let Some(value) = entries.get_mut(*key) {
+                in_percent(value, rest);
+            }
+        }
+        (Canonical::Map(entries), []) => entries.values_mut().for_each(|value| in_percent(value, &[])),
+        (value, []) => {
+            if let Canonical::Number(share, unit) = &*value
+                && unit.is_empty()
+            {
+                *value = Canonical::Text(format!("{} %", share.scaled(2)));
+            }
+        }
+        _ => {}
+    }
+}
+
 /// Returns the device of a scene as datasets describe it.
 pub fn device_of(scene: &Scene) -> Device {
     let (parts, borders) = (scene.parts(), scene.borders());

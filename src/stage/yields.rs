@@ -141,6 +141,15 @@ impl Kind for YieldKind {
         Ok(results)
     }
 
+    fn as_written(&self, both: [&Canonical; 2]) -> [Canonical; 2] {
+        both.map(|parameters| {
+            let mut written = parameters.clone();
+            scene::in_percent(&mut written, &["wanted"]);
+            scene::in_percent(&mut written, &["tolerances"]);
+            written
+        })
+    }
+
     fn needs(&self) -> Needs {
         Needs::new(&["design", patterns::NAME], 1, 1000)
     }

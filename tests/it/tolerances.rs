@@ -252,6 +252,17 @@ fn a_stage_has_the_numbers_of_the_command_and_simulates_only_new_devices() {
     assert_eq!(share["yields"][0]["wanted_share"], 0.9);
     let told = workspace.run(&["run", "made.yaml", "--set", "stages.made.wanted=90 %"]);
     assert!(told.stdout.contains("of the devices reach 90 % of "), "{told}");
+    let changed = workspace.run(&[
+        "explain",
+        "made.yaml",
+        "made",
+        "--set",
+        "stages.made.wanted=85 %",
+        "--set",
+        "stages.made.tolerances={ thickness: 2.5 % }",
+    ]);
+    let share = changed.stdout.contains("parameter changed: wanted from 90 % to 85 %");
+    assert!(share && changed.stdout.contains(" to 2.5 %"), "{changed}");
     let refused = workspace.run(&["plan", "made.yaml", "--set", "stages.made.wanted=110 %"]);
     assert!(refused.stderr.contains("from 0 % to 100 %"), "{refused}");
     let more = run(&workspace, &["--set", "stages.made.samples=1200"]);

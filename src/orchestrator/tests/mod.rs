@@ -24,9 +24,9 @@ use deaflow_store::{Artifact, Data, Dataset, Object, Store};
 const CHUNK: u64 = 10;
 
 /// `count` numbers, chunked: number i is (i + `offset`). A chunk can be told to fail.
-struct Count {
-    fails: AtomicU64,
-    recipe: u32,
+pub(super) struct Count {
+    pub(super) fails: AtomicU64,
+    pub(super) recipe: u32,
 }
 
 struct CountStage {
