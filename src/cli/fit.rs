@@ -19,7 +19,7 @@ use deaflow_fit::{
 };
 use deaflow_report::figures::{ComparedCurve, FigureError, FittedCurve, compared_laws_sheet, fit_sheet};
 use deaflow_scene::Scene;
-use deaflow_stage::direct;
+use deaflow_stage::direct::{self, ReadScene};
 use deaflow_stage::measured::{
     MOST_BRANCHES, MeasuredFile, MeasuredTable, MeshChoice, SpecimenFit, dimension_of, law_named, name_of_law,
 };
@@ -115,7 +115,7 @@ pub fn execute(arguments: &FitArguments, output: &Output) -> Result<Exit, CliErr
     };
     // A law may not reach the prestretch of the scene.
     let own = match direct::read_scene_with(&arguments.scene, changes) {
-        Ok(read) => Some(read.scene),
+        Ok(read) => Some(read),
         Err(error) if arguments.output.is_some() => return Err(error.into()),
         Err(error) => {
             warnings.push(format!("the scene cannot have the fitted elastomer: {error}"));
@@ -133,7 +133,8 @@ pub fn execute(arguments: &FitArguments, output: &Output) -> Result<Exit, CliErr
     let files: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
     let document = || {
         let mut document = laws_document(&fitted);
-        document["scene"] = json!(own.as_ref().map(Scene::to_text));
+        let text = |own: &ReadScene| own.scene.to_text_with(own.tolerances.as_ref());
+        document["scene"] = json!(own.as_ref().map(text));
         document["files"] = json!(files);
         document["warnings"] = json!(warnings);
         document
@@ -303,7 +304,7 @@ fn laws_document(fitted: &SpecimenFit) -> Value {
 }
 
 /// Returns the fitted scene, with a comment on its source.
-fn yaml(fitted: &SpecimenFit, scene: &Scene) -> String {
+fn yaml(fitted: &SpecimenFit, own: &ReadScene) -> String {
     let parameters = fitted
         .chosen()
         .into_iter()
@@ -323,7 +324,7 @@ fn yaml(fitted: &SpecimenFit, scene: &Scene) -> String {
         "# The elastomer is fitted by `deaflow fit` to {}.\n# With intervals of 95 %: {}.\n{}",
         files.join(", "),
         parameters.join("; "),
-        scene.to_yaml()
+        own.scene.to_yaml_with(own.tolerances.as_ref())
     )
 }
 

@@ -4,7 +4,7 @@
 use super::macros::arrays;
 use super::part::LongTexts;
 use deaflow_pattern::Pattern;
-use deaflow_scene::Scene;
+use deaflow_scene::{Scene, Tolerances};
 
 arrays! {
     /// Measurements in base units.
@@ -177,6 +177,8 @@ arrays! {
         mesh: Option<String> = attribute("mesh"),
         /// The fitted scene; its numbers are rounded to a thousandth of their standard errors.
         scene: Scene = attribute("scene"),
+        /// The tolerances of the scene, if it has any.
+        tolerances: Option<Tolerances> = attribute("tolerances"),
     }
 }
 

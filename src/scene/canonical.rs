@@ -4,6 +4,7 @@ use super::drive::Drive;
 use super::effects::{AUTO, Properties};
 use super::leads::Leads;
 use super::model::{SECTIONS, Scene};
+use super::tolerances::Tolerances;
 use super::waveform::Waveform;
 use deaflow_base::{Canonical, Declared, Parameter, Time};
 
@@ -48,24 +49,36 @@ impl Scene {
     /// Returns the scene in YAML on one line, for artifacts and [`Scene::from_text`].
     #[must_use]
     pub fn to_text(&self) -> String {
-        let Canonical::Map(sections) = self.canonical() else {
-            return String::new();
-        };
-        // In the usual order.
-        let written = SECTIONS
-            .iter()
-            .filter_map(|name| Some(format!("{name}: {}", sections.get(*name)?)));
-        format!("{{ {} }}", written.collect::<Vec<_>>().join(", "))
+        self.to_text_with(None)
+    }
+
+    /// Returns the text of [`Scene::to_text`] with the tolerances of the scene, which are no part of it.
+    #[must_use]
+    pub fn to_text_with(&self, tolerances: Option<&Tolerances>) -> String {
+        format!("{{ {} }}", self.written(tolerances).join(", "))
     }
 
     /// Returns the scene in YAML, with a line for each section.
     #[must_use]
     pub fn to_yaml(&self) -> String {
-        let Canonical::Map(sections) = self.canonical() else {
-            return String::new();
+        self.to_yaml_with(None)
+    }
+
+    /// Returns the text of [`Scene::to_yaml`] with the tolerances of the scene.
+    #[must_use]
+    pub fn to_yaml_with(&self, tolerances: Option<&Tolerances>) -> String {
+        let lines = self.written(tolerances).into_iter();
+        lines.map(|section| section + "\n").collect()
+    }
+
+    /// Returns the sections in YAML, in the usual order.
+    fn written(&self, tolerances: Option<&Tolerances>) -> Vec<String> {
+        let Canonical::Map(mut sections) = self.canonical() else {
+            return Vec::new();
         };
-        let line = |name: &&str| Some(format!("{name}: {}\n", sections.get(*name)?));
-        SECTIONS.iter().filter_map(line).collect()
+        sections.extend(tolerances.map(|own| ("tolerances".to_owned(), own.to_canonical())));
+        let section = |name: &&str| Some(format!("{name}: {}", sections.get(*name)?));
+        SECTIONS.iter().filter_map(section).collect()
     }
 
     /// Returns the scene without data that does not affect the simulation: the time course of the drive, properties

@@ -17,7 +17,7 @@ use deaflow_base::{Canonical, Declared, Dimension, Document, Fields, InputError,
 use deaflow_content::{FitCandidates, FittedParameters, FittedScene, LongTexts};
 use deaflow_fit::{Estimate, LawKind, Parameter as Fitted, Test, Verdict};
 use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
-use deaflow_scene::Scene;
+use deaflow_scene::{Scene, Tolerances};
 use deaflow_store::{Artifact, Object};
 
 /// The kind `fit`.
@@ -44,9 +44,19 @@ impl Kind for FitKind {
         true
     }
 
+    fn as_written(&self, both: [&Canonical; 2]) -> [Canonical; 2] {
+        both.map(|parameters| {
+            let mut written = parameters.clone();
+            scene::in_percent(&mut written, &["scene", "tolerances"]);
+            written
+        })
+    }
+
     fn scene_of(&self, artifact: &Artifact) -> Result<Node, StageError> {
-        let scene = FittedScene::open(artifact)?.scene().read()?;
-        let document = Document::from_text(Path::new("the fitted scene"), &scene.to_text());
+        let view = FittedScene::open(artifact)?;
+        let (scene, tolerances) = (view.scene().read()?, view.tolerances().read()?);
+        let text = scene.to_text_with(tolerances.as_ref());
+        let document = Document::from_text(Path::new("the fitted scene"), &text);
         Ok(document.map_err(|error| StageError::in_artifact(artifact, error))?.root)
     }
 
@@ -100,9 +110,11 @@ impl Kind for FitKind {
     }
 
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
-        let parameters = FitParameters::read_with(stage, &["kind", "needs"])?;
-        let scene = scene::read_all_states(stage, scene)?;
-        Ok(Box::new(FitStage { scene, parameters }))
+        Ok(Box::new(FitStage {
+            parameters: FitParameters::read_with(stage, &["kind", "needs"])?,
+            tolerances: scene.map(Tolerances::of_scene).transpose()?.flatten(),
+            scene: scene::read_all_states(stage, scene)?,
+        }))
     }
 }
 
@@ -237,6 +249,8 @@ impl Parameter for LawName {
 
 struct FitStage {
     scene: Scene,
+    /// Those of the scene, which the fitted one keeps.
+    tolerances: Option<Tolerances>,
     parameters: FitParameters,
 }
 
@@ -251,7 +265,13 @@ impl Stage for FitStage {
             }
             own => own,
         };
-        scene::with_scene(own, &self.scene)
+        let mut all = scene::with_scene(own, &self.scene);
+        if let (Some(tolerances), Canonical::Map(all)) = (&self.tolerances, &mut all)
+            && let Some(Canonical::Map(scene)) = all.get_mut("scene")
+        {
+            scene.insert("tolerances".to_owned(), tolerances.to_canonical());
+        }
+        all
     }
 
     fn revision(&self) -> u32 {
@@ -277,7 +297,11 @@ impl Stage for FitStage {
             None => self.laws(&tables, job),
         };
         job.progress.advance(job.inputs.len() as u64);
-        Ok(content.map_err(scene::refused)?.object())
+        let content = FittedScene {
+            tolerances: self.tolerances.clone(),
+            ..content.map_err(scene::refused)?
+        };
+        Ok(content.object())
     }
 }
 
@@ -454,6 +478,7 @@ fn content(
         rows: compared_rows(compared),
         mesh,
         scene,
+        tolerances: None,
     }
 }
 

@@ -164,10 +164,13 @@ impl Kind for YieldKind {
 
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         needed::no_edges_within_cells(stage, needs)?;
-        if let Some(scene) = stage.scene_from.filter(|_| stage.node.peek("tolerances").is_none()) {
+        // A fit keeps those of the scene of the pipeline.
+        let of_scene = stage.scene.map(Tolerances::of_scene).transpose()?.flatten();
+        let has_tolerances = of_scene.is_some() || stage.node.peek("tolerances").is_some();
+        if let Some(scene) = stage.scene_from.filter(|_| !has_tolerances) {
             return Err(scene
-                .error("a scene that was fitted has no `tolerances`")
-                .help("add `tolerances` to the yield stage"));
+                .error("the fitted scene has no `tolerances`, because that of the pipeline has none")
+                .help("add `tolerances` to the scene, or to the yield stage"));
         }
         let own = needed::count(needs, &[patterns::NAME]);
         if own > 1 {

@@ -1,5 +1,6 @@
 //! Pipelines from measurements to a fitted scene, and measured beside simulated numbers.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde_json::Value;
@@ -448,6 +449,100 @@ fn curves_are_compared_with_a_law_of_ogden_as_with_others() {
             assert!((own / rms - 1.0).abs() < 1e-3, "{own} {rms}");
         }
     }
+}
+
+#[test]
+fn a_fitted_scene_has_every_block_of_the_scene() {
+    let workspace = with_data();
+    let all = "states: { on: { voltage: 5 kV }, off: { voltage: 0 V } }
+loads: { pressure: 10 Pa }
+leads: [left]
+properties: { density: 960 kg/m3 }
+tolerances: { thickness: 3 %, shear_modulus: { relative: 20 %, distribution: lognormal }, mask: 0.1 mm }
+";
+    workspace.write("all.yaml", &format!("{SCENE}{all}"));
+    let blocks = |file: &str| {
+        let text = std::fs::read_to_string(workspace.path(file)).unwrap();
+        let named = text.lines().filter_map(|line| line.split_once(": "));
+        let known = named.filter(|(key, _)| !key.starts_with('#') && !key.contains(' '));
+        known
+            .map(|(key, value)| (key.to_owned(), value.to_owned()))
+            .collect::<BTreeMap<_, _>>()
+    };
+    // None is missing here: the schema has no other.
+    let schema = workspace.run(&["schema", "scene"]).json();
+    let names: Vec<&String> = schema["properties"].as_object().unwrap().keys().collect();
+    let given = blocks("all.yaml");
+    assert_eq!(given.keys().collect::<Vec<_>>(), names);
+    let fit = |scene: &str, more: &[&str]| {
+        let ended = workspace.run(&[&["fit", scene, "uniaxial=uniaxial.csv", "-o", "fitted.yaml"], more].concat());
+        assert_eq!(ended.code, Some(0), "{ended}");
+        blocks("fitted.yaml")
+    };
+    let fitted = fit("all.yaml", &["--law", "gent"]);
+    assert_eq!(fitted.keys().collect::<Vec<_>>(), names);
+    // What a fit does not change is the same when it is fitted again.
+    assert_eq!(fit("fitted.yaml", &["--law", "gent"]), fitted);
+
+    // Numbers of a scene with one state and without pressure, by the command, by a stage, and by a second one.
+    let rest = all
+        .lines()
+        .filter(|line| !line.starts_with("states") && !line.starts_with("loads"));
+    let rest: String = rest.map(|line| format!("{line}\n")).collect();
+    workspace.write("scene.yaml", &format!("{SCENE}{rest}"));
+    let freed = fit("scene.yaml", &["--free", "shear_modulus"]);
+    assert_eq!(freed["tolerances"], fitted["tolerances"]);
+    let chain = CHAIN.replace(
+        "  small:",
+        "  again: { kind: fit, needs: [pulled], free: { jm: auto }, scene: { from: fitted } }\n  small:",
+    );
+    workspace.write("chain.yaml", &chain);
+    let run = workspace.run(&["run", "chain.yaml"]);
+    assert_eq!(run.code, Some(0), "{run}");
+    for stage in ["fitted", "again"] {
+        let stage = format!("chain.yaml:{stage}");
+        let ended = workspace.run(&["export", "scene", &stage, "-o", "exported.yaml", "--json"]);
+        assert_eq!(ended.code, Some(0), "{ended}");
+        let exported = blocks("exported.yaml");
+        assert_eq!(exported["tolerances"], fitted["tolerances"]);
+        assert!(
+            exported.contains_key("leads") && exported.contains_key("properties"),
+            "{exported:?}"
+        );
+        let text = ended.json()["scene"].to_string();
+        assert!(
+            text.contains("tolerances: { ") || text.contains("tolerances: {"),
+            "{text}"
+        );
+    }
+    // Other tolerances are of another fitted scene, which is simulated alike.
+    workspace.write(
+        "scene.yaml",
+        &format!("{SCENE}{rest}").replace("thickness: 3 %", "thickness: 4 %"),
+    );
+    let plan = workspace.stages(&["plan", "chain.yaml"]);
+    let why = plan.stage("fitted")["why"].as_str().unwrap().to_owned();
+    assert!(
+        why.contains("scene.tolerances.thickness.relative from 3 % to 4 %"),
+        "{why}"
+    );
+    workspace.run(&["run", "chain.yaml", "--until", "fitted"]);
+    let plan = workspace.stages(&["plan", "chain.yaml"]);
+    assert_eq!(outcome(&plan, "solved"), "reused");
+    // A yield takes them.
+    let yields = "  own: { kind: patterns, files: [own.csv] }
+  made: { kind: yield, needs: [own], point: [25 mm, 25 mm], direction: 0 deg, samples: 2, seed: 1, scene: { from: fitted } }
+";
+    workspace.write("own.csv", &"1,1,1,1,1,0,0,0,0,0\n".repeat(10));
+    workspace.write("chain.yaml", &format!("{CHAIN}{yields}"));
+    let made = workspace.run(&["run", "chain.yaml", "--until", "made"]);
+    assert_eq!(made.code, Some(0), "{made}");
+    workspace.write("scene.yaml", SCENE);
+    let refused = workspace.run(&["plan", "chain.yaml"]);
+    assert!(
+        refused.stderr.contains("the fitted scene has no `tolerances`"),
+        "{refused}"
+    );
 }
 
 #[test]

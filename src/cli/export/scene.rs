@@ -8,7 +8,7 @@ use serde_json::json;
 use crate::arguments::StoreArguments;
 use crate::{CliError, Exit, Output, locate, write};
 use deaflow_content::StoredAttribute;
-use deaflow_scene::Scene;
+use deaflow_scene::{Scene, Tolerances};
 
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow export scene fitted -o fitted.yaml"))]
@@ -33,13 +33,20 @@ pub fn execute(arguments: &ExportSceneArguments, output: &Output) -> Result<Exit
         CliError::bad_input(format!("artifact {} of kind `{kind}` has no scene", digest.short()))
             .help("name a stage of kind fit, compare, solve, import, train, design or verify")
     })?;
+    let tolerances: Option<Tolerances> = StoredAttribute::new(&artifact, "tolerances").read()?;
     let text = format!(
         "# The scene of artifact {} ({kind}).\n{}",
         digest.short(),
-        scene.to_yaml()
+        scene.to_yaml_with(tolerances.as_ref())
     );
     write::file(&arguments.output, text.as_bytes())?;
-    let document = || json!({ "file": arguments.output, "artifact": digest.to_string(), "scene": scene.to_text() });
+    let document = || {
+        json!({
+            "file": arguments.output,
+            "artifact": digest.to_string(),
+            "scene": scene.to_text_with(tolerances.as_ref()),
+        })
+    };
     output.result(document, || {
         format!("{}: scene of artifact {}", arguments.output.display(), digest.short())
     })

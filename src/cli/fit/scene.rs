@@ -8,7 +8,8 @@ use crate::text::Text;
 use crate::{CliError, Exit, Output, table};
 use deaflow_base::{Node, four_significant, listed};
 use deaflow_fit::{CurveResiduals, Parameter, Verdict};
-use deaflow_stage::direct;
+use deaflow_scene::Tolerances;
+use deaflow_stage::direct::{self, Changes, ReadScene};
 use deaflow_stage::measured::{
     Compared, Device, FreeKey, MeasuredFile, MeasuredSet, SceneFit, compare_all, fit_scene, read_sets, with_interval,
 };
@@ -19,7 +20,7 @@ pub fn execute(arguments: &FitArguments, files: &[(MeasuredFile, Node)], output:
         return Err(CliError::bad_input("a fit to a device needs free parameters")
             .help("name numbers of the scene, as in --free shear_modulus --free voltage_offset"));
     }
-    let scene = direct::read_scene(&arguments.scene)?;
+    let ReadScene { scene, tolerances, .. } = direct::read_scene_with(&arguments.scene, Changes::default())?;
     let device = Device::new(&scene, &arguments.free, arguments.mesh.options())?;
     let sets = read_sets(files, &device, &scene, arguments.measured.noise())?;
     notes(&sets, output);
@@ -31,13 +32,14 @@ pub fn execute(arguments: &FitArguments, files: &[(MeasuredFile, Node)], output:
     warnings.iter().for_each(|warning| output.warn(warning));
     let written = match &arguments.output {
         Some(file) => {
-            let yaml = yaml(&found, device.keys(), &sets);
+            let yaml = yaml(&found, tolerances.as_ref(), device.keys(), &sets);
             write_with_figure(file, yaml.as_bytes(), &compared, &scene, output)?
         }
         None => Vec::new(),
     };
     let document = || {
         let mut document = document(&found, device.effects(), &compared);
+        document["scene"] = json!(found.scene.to_text_with(tolerances.as_ref()));
         document["files"] = json!(written);
         document["warnings"] = json!(warnings);
         document
@@ -82,7 +84,7 @@ fn text(found: &SceneFit, device: &Device, compared: &[Compared]) -> Text {
 }
 
 /// Returns the fitted scene, with a comment on its source.
-fn yaml(found: &SceneFit, keys: &[FreeKey], sets: &[MeasuredSet]) -> String {
+fn yaml(found: &SceneFit, tolerances: Option<&Tolerances>, keys: &[FreeKey], sets: &[MeasuredSet]) -> String {
     let files: Vec<String> = sets
         .iter()
         .map(|set| format!("{} ({})", set.name, set.test.name()))
@@ -100,7 +102,7 @@ fn yaml(found: &SceneFit, keys: &[FreeKey], sets: &[MeasuredSet]) -> String {
         "# Fitted by `deaflow fit` to {}.\n# With intervals of 95 %: {}.\n{verdict}{}",
         files.join(", "),
         parameters.join("; "),
-        found.scene.to_yaml()
+        found.scene.to_yaml_with(tolerances)
     )
 }
 
@@ -112,7 +114,6 @@ fn document(found: &SceneFit, effects: &[String], compared: &[Compared]) -> Valu
     };
     let residuals: Vec<CurveResiduals> = fit.sets.iter().map(residuals).collect();
     let mut document = estimate_document(&fit.estimate, &fit.verdict, &residuals, &fit.outliers);
-    document["scene"] = json!(found.scene.to_text());
     document["effects"] = json!(effects);
     document["mesh"] = json!(found.mesh.map(|mesh| mesh.to_string()));
     document["mesh_shift"] = json!(found.shift);
