@@ -2,6 +2,7 @@
 //! child module.
 
 mod analysis;
+mod breakdown;
 mod cells;
 mod equilibria;
 mod equilibrium;

@@ -83,6 +83,53 @@ fn a_pressure_beyond_the_largest_has_no_field_and_an_exit_code() {
 }
 
 #[test]
+fn the_electric_field_under_pressure_is_compared_with_the_breakdown_field() {
+    let workspace = workspace();
+    let with = |field: &str, more: &[&str]| {
+        let law = format!("properties={{ dielectric_breakdown: {{ law: constant, field: {field} }} }}");
+        let ended = solve(&workspace, &[&["--json", "--set", &law], more].concat());
+        assert_eq!(ended.code, Some(0), "{ended}");
+        ended.json()
+    };
+    let pressure = ["--set", "loads={ pressure: 500 Pa }"];
+    let told = |document: &Value| {
+        let warnings = document["warnings"].as_array().unwrap().iter();
+        let own = warnings.filter(|warning| warning.to_string().contains("breakdown"));
+        own.map(|warning| warning.as_str().unwrap().to_owned())
+            .collect::<Vec<_>>()
+    };
+    let ratio = number(&with("1 GV/m", &pressure)["equilibria"][0]["breakdown_ratio"]);
+    let near = |of: f64| format!("{} MV/m", 1e3 * ratio / of);
+    assert_eq!(told(&with(&near(0.79), &pressure)), Vec::<String>::new());
+    assert_eq!(
+        told(&with(&near(0.9), &pressure)),
+        ["pattern 0: the electric field is close to the breakdown field: E/E_B = 0.90"]
+    );
+    assert_eq!(
+        told(&with(&near(1.2), &pressure)),
+        ["pattern 0: the electric field exceeds the breakdown field: E/E_B = 1.20"]
+    );
+    // With hardly any pressure it is that of the flat membrane.
+    let effects = ["--set", "effects={ dielectric_breakdown: {} }"];
+    let flat = with("1 GV/m", &effects)["breakdown"][0]["breakdown_ratio"].clone();
+    let hardly = with("1 GV/m", &["--set", "loads={ pressure: 0.01 Pa }"]);
+    let hardly = number(&hardly["equilibria"][0]["breakdown_ratio"]);
+    assert!((hardly / number(&flat) - 1.0).abs() < 1e-6, "{hardly} {flat}");
+    // Along a path it is reached where a state has it.
+    let path = with(&near(1.0), &["--path=pressure", "--set", "loads={ pressure: 1000 Pa }"]);
+    let warnings = told(&path);
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    let from = warnings[0].strip_prefix("pattern 0: from ").unwrap();
+    let pascals: f64 = from
+        .split_once(" Pa on the electric field exceeds")
+        .unwrap()
+        .0
+        .parse()
+        .unwrap();
+    assert!((pascals - 500.0).abs() < 5.0, "{pascals}");
+}
+
+#[test]
 fn paths_under_pressure_have_a_table_a_figure_and_the_largest_pressure() {
     let workspace = workspace();
     let by_volume = ["--json", "--path=volume", "--set", "loads={ volume: 23 ml }"];

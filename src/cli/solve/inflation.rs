@@ -3,8 +3,8 @@
 
 use serde_json::{Value, json};
 
-use super::SolveArguments;
 use super::simulation::{Computation, PatternSolver, Simulation};
+use super::{SolveArguments, breakdown};
 use crate::job::{JobResult, extend};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, model_warnings, table};
@@ -183,17 +183,11 @@ pub fn components(displacement: &Field, heights: &[f64]) -> impl Iterator<Item =
 }
 
 fn warnings(scene: &Scene, found: &[Inflated]) -> Vec<String> {
-    let of_one = |(index, one): (usize, &Inflated)| compressed(scene, index, one.compressed).filter(|_| is_stable(one));
-    let of_all = found.iter().enumerate().filter_map(of_one);
-    let neglected = model_warnings::in_space(scene).into_iter().chain(breakdown(scene));
-    neglected.chain(of_all).collect()
-}
-
-/// Warns that an effect is not simulated.
-pub fn breakdown(scene: &Scene) -> Option<String> {
-    let asked = scene.effects.dielectric_breakdown.as_ref();
-    let what = under_pressure_or_in_space(scene);
-    asked.map(|_| format!("{what} the electric field is not compared with the breakdown field"))
+    let stable = || found.iter().enumerate().filter(|(_, one)| is_stable(one));
+    let fields = stable().filter_map(|(index, one)| breakdown::warning(scene, index, one.breakdown_ratio));
+    let compressed = stable().filter_map(|(index, one)| compressed(scene, index, one.compressed));
+    let neglected = model_warnings::in_space(scene).into_iter();
+    neglected.chain(fields).chain(compressed).collect()
 }
 
 /// Warns of a compressed share of a membrane.
@@ -352,6 +346,7 @@ fn document((index, (one, peak)): (usize, (&Inflated, &Peak)), scene: &Scene) ->
             "pressure_pa": one.pressure,
             "volume_ml": one.volume,
             "wrinkled_fraction": one.compressed,
+            "breakdown_ratio": one.breakdown_ratio,
         }),
         InflationOutcome::LimitPoint {
             last_stable,

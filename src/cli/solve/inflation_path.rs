@@ -2,7 +2,8 @@
 
 use serde_json::{Value, json};
 
-use super::inflation::{at_mm, breakdown, check, check_arguments, components, compressed, resolved};
+use super::breakdown::{BreakdownPlace, FieldAlongPath};
+use super::inflation::{at_mm, check, check_arguments, components, compressed, resolved};
 use super::path::offsets;
 use super::simulation::{Computation, PatternSolver, Simulation};
 use crate::job::{Attachments, JobResult};
@@ -183,8 +184,9 @@ fn branch((index, path): (usize, &InflationPath)) -> Branch {
             error: None,
             across: across(parameter, point),
         }),
-        // The field under pressure is not compared with the breakdown field.
-        breakdown: None,
+        breakdown: field(path)
+            .reached()
+            .map(|reached| [along, across].map(|value| reached.between(|at| value(parameter, &path.points[at])))),
     }
 }
 
@@ -193,13 +195,27 @@ fn warnings(scene: &Scene, paths: &[InflationPath]) -> Vec<String> {
         let most = path.points.iter().map(|point| point.compressed).fold(0.0, f64::max);
         compressed(scene, index, most)
     };
-    let of_all = paths.iter().enumerate().filter_map(of_one);
-    let neglected = model_warnings::in_space(scene).into_iter().chain(breakdown(scene));
-    neglected.chain(of_all).collect()
+    let compressed = paths.iter().enumerate().filter_map(of_one);
+    let fields = paths.iter().enumerate().filter_map(|(index, path)| {
+        let (value, unit) = changing(path.parameter);
+        let at = |reached: &BreakdownPlace| {
+            let value = reached.between(|at| value(&path.points[at]));
+            format!("{} {unit}", four_digits(value))
+        };
+        field(path).warning(scene, index, at, limit(path).is_some())
+    });
+    let neglected = model_warnings::in_space(scene).into_iter();
+    neglected.chain(fields).chain(compressed).collect()
 }
 
-/// Describes a limit in what changes.
-fn place(parameter: PathParameter, point: &InflationPoint) -> String {
+/// Returns the electric field along a path.
+fn field(path: &InflationPath) -> FieldAlongPath {
+    let of_stable = |point: &InflationPoint| if point.stable { point.breakdown_ratio } else { 0.0 };
+    FieldAlongPath(path.points.iter().map(of_stable).collect())
+}
+
+/// What changes along a path, and its unit.
+fn changing(parameter: PathParameter) -> (fn(&InflationPoint) -> f64, &'static str) {
     match parameter {
         PathParameter::Voltage => format!("{} V", four_digits(point.voltage)),
         PathParameter::Volume => format!("{} ml", four_digits(point.volume)),
@@ -213,6 +229,12 @@ fn overview(paths: &[InflationPath]) -> table::Table {
         "limit",
         "largest pressure",
         "largest displacement",
+/// Describes a limit in what changes.
+fn place(parameter: PathParameter, point: &InflationPoint) -> String {
+    let (value, unit) = changing(parameter);
+    format!("{} {unit}", four_digits(value(point)))
+}
+
         "points",
         "end",
     ];
@@ -254,6 +276,7 @@ fn document(path: &InflationPath, scene: &Scene) -> Value {
     let limit = limit(path).map(|point| {
         json!({
             "kind": PathEnd::LimitPoint.name(),
+            "breakdown_ratio": point.breakdown_ratio,
             "voltage": point.voltage,
             "pressure_pa": point.pressure,
             "volume_ml": point.volume,

@@ -2,17 +2,17 @@
 
 use serde_json::{Value, json};
 
+use super::breakdown::{BreakdownPlace, FieldAlongPath};
 use super::simulation::{Computation, Form, PatternSolver, Simulation, States};
 use super::{SolveArguments, inflation_path};
 use crate::job::{Attachments, JobResult, extend};
 use crate::point::Probe;
-use crate::results::{breakdown, spoken, with_error};
+use crate::results::{spoken, with_error};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, csv, model_warnings, table};
 use deaflow_base::four_digits;
 use deaflow_content::{CoveredCells, DrawnElectrodes, LoadPaths, Packed, rotations, translations};
-use deaflow_fem::effects::breakdown_strength;
-use deaflow_fem::screening::resolve;
+use deaflow_fem::screening::{observing_breakdown, resolve};
 use deaflow_fem::{
     CriticalSearch, CriticalVoltage, LoadPath, MeshLimit, NoPath, Observe, PathEvent, PathParameter, PathPoint,
     PathSolver, SetupError, SideState,
@@ -126,10 +126,12 @@ impl Paths {
             Ok(PatternPath { path: path?, critical })
         })?;
         let buckling = paths.iter().enumerate().filter_map(|path| controlled.buckling(path));
-        let is_assumed = breakdown_strength(&scene).is_none();
         let breakdown = paths.iter().enumerate();
-        let breakdown = breakdown.filter_map(|path| controlled.breakdown(path, is_assumed));
-        let neglected = model_warnings::of_equilibria(&scene, computation.patterns)?;
+        let breakdown: Vec<String> = breakdown
+            .filter_map(|path| controlled.breakdown(&scene, path))
+            .collect();
+        // The field at the voltage of the scene is that of a point of the path.
+        let neglected = model_warnings::of_equilibria(&observing_breakdown(&scene), computation.patterns)?;
         Ok(Self {
             warnings: neglected.into_iter().chain(breakdown).chain(buckling).collect(),
             content: LoadPaths {
@@ -292,25 +294,13 @@ impl Controlled {
     }
 
     /// Warns of an electric field that is close to the breakdown field or exceeds it on the stable part of a path.
-    fn breakdown(&self, (index, PatternPath { path, .. }): (usize, &PatternPath), is_assumed: bool) -> Option<String> {
-        let largest = stable(path).map(|point| point.breakdown_ratio).fold(0.0, f64::max);
-        let Some(reached) = BreakdownPlace::on(path) else {
-            let assumed = if is_assumed { " (Huang's law assumed)" } else { "" };
-            return breakdown(largest).map(|words| format!("pattern {index}: {words}{assumed}"));
+    fn breakdown(&self, scene: &Scene, (index, PatternPath { path, .. }): (usize, &PatternPath)) -> Option<String> {
+        let points = &path.points;
+        let at = |reached: &BreakdownPlace| match self.parameter {
+            PathParameter::Voltage => format!("{} V", four_digits(reached.between(|at| points[at].voltage))),
+            _ => self.text(reached.between(|at| points[at].share)),
         };
-        let from = match self.parameter {
-            PathParameter::Voltage => format!("{} V", four_digits(reached.between(|point| point.voltage))),
-            _ => self.text(reached.between(|point| point.share)),
-        };
-        let before = match path.limit() {
-            Some(_) => ", before the loss of stability",
-            None => "",
-        };
-        let assumed = if is_assumed { ", Huang's law assumed" } else { "" };
-        Some(format!(
-            "pattern {index}: from {from} on the electric field exceeds the breakdown field{before} (E/E_B up to \
-             {largest:.2}{assumed})"
-        ))
+        field(path).warning(scene, index, at, path.limit().is_some())
     }
 
     /// Returns the curve of a path in the figure.
@@ -334,8 +324,10 @@ impl Controlled {
             across: path.points.iter().map(|p| self.across(p)).collect(),
             stable: path.points.iter().map(|p| p.stable).collect(),
             limit,
-            breakdown: BreakdownPlace::on(path)
-                .map(|reached| [reached.between(|p| self.along(p)), reached.between(|p| self.across(p))]),
+            breakdown: field(path).reached().map(|reached| {
+                let values: [&dyn Fn(&PathPoint) -> f64; 2] = [&|p| self.along(p), &|p| self.across(p)];
+                values.map(|value| reached.between(|at| value(&path.points[at])))
+            }),
         }
     }
 }
@@ -345,33 +337,9 @@ fn stable(path: &LoadPath) -> impl Iterator<Item = &PathPoint> {
     path.points.iter().take_while(|point| point.stable)
 }
 
-/// Where the electric field reaches the breakdown field on the stable part of a path, between two of its points.
-struct BreakdownPlace<'a> {
-    points: [&'a PathPoint; 2],
-    /// The share of the way from the first of them.
-    part: f64,
-}
-
-impl<'a> BreakdownPlace<'a> {
-    /// Returns the place; `None` if the field stays below.
-    fn on(path: &'a LoadPath) -> Option<Self> {
-        let at = stable(path).position(|point| point.breakdown_ratio >= 1.0)?;
-        let points = [at.saturating_sub(1), at].map(|at| &path.points[at]);
-        let step = points[1].breakdown_ratio - points[0].breakdown_ratio;
-        Some(Self {
-            points,
-            part: match step > 0.0 {
-                true => (1.0 - points[0].breakdown_ratio) / step,
-                false => 0.0,
-            },
-        })
-    }
-
-    /// Returns a value there.
-    fn between(&self, value: impl Fn(&PathPoint) -> f64) -> f64 {
-        let [from, to] = self.points.map(value);
-        from + self.part * (to - from)
-    }
+/// Returns the electric field on the stable part of a path.
+fn field(path: &LoadPath) -> FieldAlongPath {
+    FieldAlongPath(stable(path).map(|point| point.breakdown_ratio).collect())
 }
 
 /// Lists the patterns.
@@ -483,8 +451,9 @@ fn document(PatternPath { path, critical }: &PatternPath, controlled: &Controlle
         .map(|limit| json!({ "voltage": limit.voltage, "share": limit.share, "point": limit.point }));
     json!({
         "out_of_plane": out_of_plane,
-        "breakdown": BreakdownPlace::on(path).map(|reached| {
-            json!({ "voltage": reached.between(|point| point.voltage), "share": reached.between(|point| point.share) })
+        "breakdown": field(path).reached().map(|reached| {
+            let between = |value: fn(&PathPoint) -> f64| reached.between(|at| value(&path.points[at]));
+            json!({ "voltage": between(|point| point.voltage), "share": between(|point| point.share) })
         }),
         "limit": with_error.or_else(|| path.limit().as_ref().and_then(on_this_mesh)),
         "watched_corner": path.watched,

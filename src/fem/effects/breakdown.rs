@@ -11,10 +11,14 @@ use deaflow_scene::{Breakdown, Effects, HuangStrength, Scene};
 /// Returns the largest E/E_B over the cells; `thickness` is the undeformed one in mm.
 #[must_use]
 pub fn breakdown_ratio(law: &Breakdown, thickness: f64, states: &[CellState]) -> f64 {
-    let strength = |state: &CellState| law.strength(thickness, state.stretches[0] * state.stretches[1]);
-    states
-        .iter()
-        .map(|state| state.electric_field / strength(state))
+    let of_cell = |state: &CellState| [state.electric_field, state.stretches[0] * state.stretches[1]];
+    largest_ratio(law, thickness, states.iter().map(of_cell))
+}
+
+/// Returns the largest E/E_B of cells with an electric field in V/m and an area stretch.
+pub fn largest_ratio(law: &Breakdown, thickness: f64, cells: impl Iterator<Item = [f64; 2]>) -> f64 {
+    cells
+        .map(|[field, stretch]| field / law.strength(thickness, stretch))
         .fold(0.0, f64::max)
 }
 

@@ -20,6 +20,7 @@ mod strip;
 mod viscoelasticity;
 mod wrinkling;
 
+pub(super) use breakdown::largest_ratio;
 pub use breakdown::{breakdown_ratio, breakdown_ratio_at_rest, breakdown_strength, breakdown_strength_or_default};
 pub use effect::{DISPLACED, Effect, Examined, SMALL, Significance, Solutions, StableRange, Verdict};
 pub use electrode::Stiff;

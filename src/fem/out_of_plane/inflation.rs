@@ -14,7 +14,7 @@ use super::goals::Goals;
 use super::lifted::{Lifted, bodies};
 use super::surface::{Linearised, Surface, Totals};
 use super::system::{End, System};
-use crate::effects::WithMaterial;
+use crate::effects::{WithMaterial, breakdown_strength_or_default, largest_ratio};
 use crate::eigenvalue::dot;
 use crate::error::SetupError;
 use crate::material::Material;
@@ -99,6 +99,8 @@ pub struct Inflated {
     pub bodies: Vec<SpatialMotion>,
     /// Share of the membrane that is compressed in some direction: a real one wrinkles there.
     pub compressed: f64,
+    /// Largest electric field of a cell relative to the breakdown field, E/E_B, by Huang's law without data.
+    pub breakdown_ratio: f64,
     /// Newton steps, with those of the flat state.
     pub newton_iterations: u32,
     /// Conjugate-gradient iterations, with those of the flat state.
@@ -275,6 +277,18 @@ impl InflationSolver {
         (self.solver.grid.sample(planar), self.solver.grid.sample_heights(height))
     }
 
+    /// Returns the largest E/E_B of the cells in a state at a voltage in V, by Huang's law without data.
+    pub(crate) fn breakdown_ratio<L: Material>(&self, search: &Search<'_, L>, x: &[f64], voltage: f64) -> f64 {
+        let scene = &self.solver.scene;
+        let (thickness, prestretched) = (scene.thickness_mm(), scene.mean_prestretch().powi(2));
+        let of_cell = |[stretch, activity]: [f64; 2]| {
+            let stretch = prestretched * stretch;
+            [1e3 * voltage * activity.sqrt() / thickness * stretch, stretch]
+        };
+        let cells = search.surface.stretched_cells(x).into_iter().map(of_cell);
+        largest_ratio(&breakdown_strength_or_default(scene), thickness, cells)
+    }
+
     /// Finds the equilibrium of a pattern.
     #[must_use]
     pub fn solve(&self, pattern: &Pattern) -> Inflated {
@@ -288,6 +302,7 @@ impl InflationSolver {
             pressure: 0.0,
             volume: 0.0,
             compressed: 0.0,
+            breakdown_ratio: 0.0,
             steps: 0,
             iterations: 0,
         };
@@ -308,6 +323,7 @@ impl InflationSolver {
             volume: self.units[1] * found.volume,
             bodies: self.motions(planar, height),
             compressed: found.compressed,
+            breakdown_ratio: found.breakdown_ratio,
             newton_iterations: flat.newton_iterations + found.steps,
             krylov_iterations: flat.krylov_iterations + found.iterations,
         }
@@ -335,6 +351,7 @@ struct Found {
     pressure: f64,
     volume: f64,
     compressed: f64,
+    breakdown_ratio: f64,
     steps: u32,
     iterations: u32,
 }
@@ -357,6 +374,9 @@ impl WithMaterial for Inflate<'_> {
             pressure: state.pressure,
             volume: search.volume(&state.x),
             compressed: search.compressed(&state.x),
+            breakdown_ratio: self
+                .solver
+                .breakdown_ratio(&search, &state.x, self.solver.solver.scene.voltage_v()),
             x: state.x,
             steps: search.steps,
             iterations: search.iterations,

@@ -48,6 +48,16 @@ pub(crate) struct Linearised {
     curvatures: [Vec<f64>; 2],
 }
 
+/// Sums over the membrane in a cell.
+#[derive(Clone, Copy, Debug, Default)]
+struct CellSums {
+    area: f64,
+    /// F times area.
+    deformation: Spatial,
+    /// Activity of the strongest electrode.
+    strongest: f64,
+}
+
 /// Nodal values of an element, or forces on its nodes.
 type Nodal<const N: usize> = [[f64; N]; 3];
 
@@ -164,6 +174,40 @@ impl<L: Material> Surface<'_, L> {
         }
         totals.uncancelled = totals.uncancelled.map(f64::sqrt);
         Some(totals)
+    }
+
+    /// Returns the area stretch of the mean deformation gradient of each cell with membrane, and the activity of its
+    /// strongest electrode.
+    pub fn stretched_cells(&self, x: &[f64]) -> Vec<[f64; 2]> {
+        let cells = match self.grid().order() {
+            Order::Bilinear => self.cells_by::<Bilinear, 4>(x),
+            Order::Biquadratic => self.cells_by::<Biquadratic, 9>(x),
+        };
+        let of_cell = |cell: &CellSums| {
+            let product = |a: usize, b: usize| -> f64 { cell.deformation.iter().map(|row| row[a] * row[b]).sum() };
+            let square = product(0, 0) * product(1, 1) - product(0, 1).powi(2);
+            [square.max(0.0).sqrt() / cell.area.powi(2), cell.strongest]
+        };
+        cells.iter().filter(|cell| cell.area > 0.0).map(of_cell).collect()
+    }
+
+    fn cells_by<E: Element<N>, const N: usize>(&self, x: &[f64]) -> Vec<CellSums> {
+        let (grid, columns) = (self.grid(), self.grid().raster().columns());
+        let mut cells = vec![CellSums::default(); grid.raster().cells()];
+        for element in membrane(grid) {
+            let nodal = self.nodal(x, &grid.nodes_of::<N>(element));
+            let (gradients, _) = self.at_points::<E, N>(element, &nodal);
+            let [column, row] = grid.cell_of(element);
+            let cell = &mut cells[row * columns + column];
+            for (gradient, area) in gradients.iter().zip(grid.areas_of(element, E::WEIGHTS)) {
+                cell.area += area;
+                for (sum, row) in cell.deformation.iter_mut().zip(gradient) {
+                    *sum = [sum[0] + area * row[0], sum[1] + area * row[1]];
+                }
+            }
+            cell.strongest = cell.strongest.max(self.activity.strongest(element[1])[element[0]]);
+        }
+        cells
     }
 
     /// Prepares tangents at a state; `None` where the law is not defined.

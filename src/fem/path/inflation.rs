@@ -48,6 +48,8 @@ pub struct InflationPoint {
     pub stable_at_pressure: bool,
     /// Share of the membrane that is compressed and would wrinkle.
     pub compressed: f64,
+    /// Largest electric field of a cell relative to the breakdown field, E/E_B, by Huang's law without data.
+    pub breakdown_ratio: f64,
 }
 
 /// The path of one pattern under pressure.
@@ -195,6 +197,7 @@ impl Follow<'_> {
             stable: stable[0],
             stable_at_pressure: stable[1],
             compressed: search.compressed(&state.x),
+            breakdown_ratio: solver.breakdown_ratio(search, &state.x, voltage),
         });
         self.last = state;
     }

@@ -107,6 +107,50 @@ fn round_membranes_under_pressure_have_the_axisymmetric_displacements() {
 }
 
 #[test]
+fn the_electric_field_is_that_of_the_thinnest_cell() {
+    let strength = |pressure: f64| {
+        let scene = scene_of(
+            "side: 50 mm, prestretch: 3",
+            5250.0,
+            &format!("pressure: {pressure} Pa"),
+        );
+        let text = scene.to_text().replacen(
+            "effects: {}",
+            "effects: { dielectric_breakdown: { law: constant, field: 47.25 MV/m } }",
+            1,
+        );
+        Scene::from_text(&text).unwrap()
+    };
+    // All active and flat, it is V λp²/H = 47.25 MV/m.
+    let mesh = Mesh::biquadratic(1);
+    let flat = inflated(&strength(0.01), mesh, &active(true));
+    assert!((flat.breakdown_ratio - 1.0).abs() < 1e-6, "{}", flat.breakdown_ratio);
+    assert_eq!(inflated(&strength(0.01), mesh, &active(false)).breakdown_ratio, 0.0);
+    // Inflated, it rises with the area of a cell, here that between its corners.
+    let found = inflated(&strength(500.0), mesh, &active(true));
+    assert_eq!(found.outcome, InflationOutcome::Converged);
+    let corner = |x: usize, y: usize| {
+        let [u, v, w] = at(&found, [x, y]);
+        [x as f64 + u, y as f64 + v, w]
+    };
+    let area = |x: usize, y: usize| {
+        let between = |from: [f64; 3], to: [f64; 3]| [0, 1, 2].map(|c| to[c] - from[c]);
+        let first = between(corner(x, y), corner(x + 1, y + 1));
+        let second = between(corner(x + 1, y), corner(x, y + 1));
+        let part = |a: usize, b: usize| first[a] * second[b] - first[b] * second[a];
+        0.5 * part(0, 1).hypot(part(1, 2)).hypot(part(2, 0))
+    };
+    let cells = (0..50).flat_map(|y| (0..50).map(move |x| (x, y)));
+    let largest = cells.map(|(x, y)| area(x, y)).fold(0.0, f64::max);
+    assert!(largest > 1.01, "{largest}");
+    assert!(
+        (found.breakdown_ratio / largest - 1.0).abs() < 2e-3,
+        "{} {largest}",
+        found.breakdown_ratio
+    );
+}
+
+#[test]
 fn a_given_volume_has_the_known_pressure_also_past_its_maximum() {
     for (lambda, millilitres, pascals) in [
         (1.1, 10.0, 1581.4616),
