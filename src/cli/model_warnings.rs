@@ -17,14 +17,13 @@ pub fn screened(scene: &Scene, tests: &[TestPattern]) -> Result<ScreenedScene, S
     ScreenedScene::for_patterns(&largest, tests, WorkLimit::default())
 }
 
-/// Warns of effects that matter for some equilibria of patterns and are off, a line each.
+/// Warns of effects that matter for some equilibria of patterns and are off, a line each, and of those that were not
+/// checked without data.
 ///
 /// # Errors
 /// If the effects of the scene cannot be simulated.
 pub fn of_equilibria(scene: &Scene, patterns: &[Pattern]) -> Result<Vec<String>, SetupError> {
-    let found = screened(scene, &TestPattern::some_of(patterns, "pattern"))?;
-    let is_checked = |line: &String| Some(line) != found.not_checked.as_ref();
-    Ok(found.warnings.iter().filter(|line| is_checked(line)).cloned().collect())
+    Ok(screened(scene, &TestPattern::some_of(patterns, "pattern"))?.warnings)
 }
 
 /// The same about equilibria from which a motion starts: what an equilibrium ignores of the time does not count.
@@ -33,8 +32,7 @@ pub fn of_equilibria(scene: &Scene, patterns: &[Pattern]) -> Result<Vec<String>,
 /// If the effects of the scene cannot be simulated.
 pub fn of_states_of_motion(scene: &Scene, patterns: &[Pattern]) -> Result<Vec<String>, SetupError> {
     let found = screened(scene, &TestPattern::some_of(patterns, "pattern"))?;
-    let in_time = [found.warnings_in_time, found.not_checked.into_iter().collect()];
-    let is_of_both = |line: &String| in_time[0].contains(line) && !in_time[1].contains(line);
+    let is_of_both = |line: &String| found.warnings_in_time.contains(line);
     Ok(found.warnings.into_iter().filter(is_of_both).collect())
 }
 

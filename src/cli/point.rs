@@ -130,7 +130,15 @@ impl Probe {
 
     /// The same with displacements from rest.
     pub fn title_from_rest(&self) -> String {
-        self.title() + if self.has_rest { " from rest" } else { "" }
+        self.title_from("rest")
+    }
+
+    /// The same with displacements from another state than the mount, if such states differ from it.
+    pub fn title_from(&self, state: &str) -> String {
+        match self.has_rest {
+            true => format!("{} from {state}", self.title()),
+            false => self.title(),
+        }
     }
 
     /// Describes the point for programs.

@@ -418,6 +418,14 @@ fn groups_have_their_voltages_and_states_an_axis() {
     let (pull, rest) = (largest(&[]), largest(&["--state", "rest"]));
     assert_eq!((&pull.0, &rest.0), (&"pull".into(), &"rest".into()));
     assert!(pull.1 > 0.1 && rest.1 == 0.0, "{pull:?} {rest:?}");
+    // A path is that of the first state by name, or of the requested one.
+    let path = ["solve", "states.yaml", "groups.csv", "--path", "-o", "path.h5"];
+    let told = workspace.run(&path).stdout;
+    assert!(told.contains("\nstate: pull\n"), "{told}");
+    let document = workspace
+        .run(&[&path[..], &["--state", "push", "--json"]].concat())
+        .json();
+    assert_eq!(document["state"], "push");
     let unknown = ["solve", "states.yaml", "groups.csv", "-o", "no.h5", "--state", "hold"];
     let mut printed = Transcript::default();
     printed.add(

@@ -527,4 +527,12 @@ tolerances: { thickness: 1 % }
     }
     let told = run("yield", &[&mesh[..], &["--samples", "2"]].concat()).stdout;
     assert!(told.contains("along 0 deg from rest of each device"), "{told}");
+    // A path of the load starts without it, at the voltage.
+    for (path, words) in [
+        ("--path", "along 0 deg from rest "),
+        ("--path=load", "along 0 deg from the state without load "),
+    ] {
+        let told = run("solve", &[&mesh[..], &[path, "-o", "path.h5"]].concat()).stdout;
+        assert!(told.contains(words), "{words}: {told}");
+    }
 }

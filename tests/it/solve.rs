@@ -320,6 +320,18 @@ fn a_path_says_where_the_electric_field_exceeds_the_breakdown_field() {
     let ratio = column(&workspace, "out.h5", "breakdown_ratio")[0];
     assert!((ratio - 1.0).abs() < 0.005, "{ratio}");
 
+    // Known, but off: it is told once, from the lowest voltage on.
+    let known = "properties: { dielectric_breakdown: { law: constant, field: 60 MV/m } }\n";
+    workspace.write("scene.yaml", &format!("{}{known}", SCENE.replace("VOLTAGE", "5.25 kV")));
+    let told = |options: &[&str]| {
+        let document = solve(options).json();
+        let warnings = document["warnings"].as_array().unwrap().iter();
+        warnings
+            .filter(|warning| warning.to_string().contains("breakdown"))
+            .count()
+    };
+    assert_eq!([told(&[]), told(&["--path"])], [1, 1]);
+
     with_strength("600 MV/m", "0 V");
     let path = solve(&["--path"]).json()["paths"][0].clone();
     assert!(path["breakdown"].is_null() && !path["limit"].is_null(), "{path}");

@@ -30,6 +30,15 @@ pub fn execute(simulation: Simulation<'_>, parameter: PathParameter, output: &Ou
     } = InflatedPaths::follow(&simulation.computation(), parameter)?;
     let branches: Vec<Branch> = paths.iter().enumerate().map(branch).collect();
     let axes = axes(parameter);
+    let mut found = json!({
+        "parameter": parameter.name(),
+        "paths": paths.iter().map(|path| document(path, &scene)).collect::<Vec<_>>(),
+    });
+    let mut text = Text::of(overview(&paths));
+    if let Some(state) = simulation.state() {
+        found["state"] = json!(state);
+        text.line(format!("state: {state}"));
+    }
     let result = JobResult {
         patterns: paths.len(),
         arrays: content.object(),
@@ -40,11 +49,8 @@ pub fn execute(simulation: Simulation<'_>, parameter: PathParameter, output: &Ou
             draw: Box::new(move |figure| paths_sheet(&branches, &axes)?.write_png(figure)),
         }),
         warnings,
-        document: json!({
-            "parameter": parameter.name(),
-            "paths": paths.iter().map(|path| document(path, &scene)).collect::<Vec<_>>(),
-        }),
-        text: Text::of(overview(&paths)),
+        document: found,
+        text,
         exit: Exit::Done,
     };
     simulation.finish(result, output)
@@ -217,10 +223,16 @@ fn field(path: &InflationPath) -> FieldAlongPath {
 /// What changes along a path, and its unit.
 fn changing(parameter: PathParameter) -> (fn(&InflationPoint) -> f64, &'static str) {
     match parameter {
-        PathParameter::Voltage => format!("{} V", four_digits(point.voltage)),
-        PathParameter::Volume => format!("{} ml", four_digits(point.volume)),
-        _ => format!("{} Pa", four_digits(point.pressure)),
+        PathParameter::Voltage => (|point| point.voltage, "V"),
+        PathParameter::Volume => (|point| point.volume, "ml"),
+        _ => (|point| point.pressure, "Pa"),
     }
+}
+
+/// Describes a limit in what changes.
+fn place(parameter: PathParameter, point: &InflationPoint) -> String {
+    let (value, unit) = changing(parameter);
+    format!("{} {unit}", four_digits(value(point)))
 }
 
 fn overview(paths: &[InflationPath]) -> table::Table {
@@ -229,12 +241,6 @@ fn overview(paths: &[InflationPath]) -> table::Table {
         "limit",
         "largest pressure",
         "largest displacement",
-/// Describes a limit in what changes.
-fn place(parameter: PathParameter, point: &InflationPoint) -> String {
-    let (value, unit) = changing(parameter);
-    format!("{} {unit}", four_digits(value(point)))
-}
-
         "points",
         "end",
     ];
@@ -270,13 +276,13 @@ fn document(path: &InflationPath, scene: &Scene) -> Value {
             "stable": point.stable,
             "stable_at_pressure": point.stable_at_pressure,
             "wrinkled_fraction": point.compressed,
+            "breakdown_ratio": point.breakdown_ratio,
         })
     });
     let last = path.points.len().saturating_sub(1);
     let limit = limit(path).map(|point| {
         json!({
             "kind": PathEnd::LimitPoint.name(),
-            "breakdown_ratio": point.breakdown_ratio,
             "voltage": point.voltage,
             "pressure_pa": point.pressure,
             "volume_ml": point.volume,

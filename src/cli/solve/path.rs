@@ -61,6 +61,11 @@ pub fn execute(arguments: &SolveArguments, parameter: PathParameter, output: &Ou
     if let Some(probe) = &probe {
         found["along"] = probe.document();
     }
+    let mut text = Text::of(overview(&paths, &controlled));
+    if let Some(state) = simulation.state() {
+        found["state"] = json!(state);
+        text.line(format!("state: {state}"));
+    }
     let result = JobResult {
         patterns: paths.len(),
         arrays: content.object(),
@@ -75,7 +80,7 @@ pub fn execute(arguments: &SolveArguments, parameter: PathParameter, output: &Ou
         }),
         warnings,
         document: found,
-        text: Text::of(overview(&paths, &controlled)),
+        text,
         exit: Exit::Done,
     };
     simulation.finish(result, output)
@@ -214,6 +219,15 @@ impl Controlled {
         }
     }
 
+    /// Returns the title of the displacement of the requested point, from the first state of the path.
+    fn title(&self) -> Option<String> {
+        let probe = self.probe.as_ref()?;
+        Some(match self.parameter {
+            PathParameter::Voltage => probe.title_from_rest(),
+            other => probe.title_from(&format!("the state without {}", other.name())),
+        })
+    }
+
     /// The value along the horizontal axis of a figure.
     fn along(&self, point: &PathPoint) -> f64 {
         match (self.parameter, &self.full) {
@@ -254,13 +268,10 @@ impl Controlled {
                 "" => format!("of the {}s", self.parameter.name()),
                 _ => unit.to_owned(),
             },
-            across: match self.pulled {
-                _ if self.probe.is_some() => {
-                    let title = self.probe.as_ref().map(Probe::title_from_rest);
-                    format!("Displacement {} [mm]", title.unwrap_or_default())
-                }
-                Some(_) => "Force of the bar along its displacement [N]".to_owned(),
-                None => "Displacement of the point that moves most [mm]".to_owned(),
+            across: match (self.title(), &self.pulled) {
+                (Some(title), _) => format!("Displacement {title} [mm]"),
+                (None, Some(_)) => "Force of the bar along its displacement [N]".to_owned(),
+                (None, None) => "Displacement of the point that moves most [mm]".to_owned(),
             },
         }
     }
@@ -345,7 +356,7 @@ fn field(path: &LoadPath) -> FieldAlongPath {
 /// Lists the patterns.
 fn overview(paths: &[PatternPath], controlled: &Controlled) -> table::Table {
     let parameter = controlled.parameter;
-    let title = controlled.probe.as_ref().map(Probe::title_from_rest);
+    let title = controlled.title();
     let mut header = vec!["pattern", "limit", parameter.name(), "on this mesh", "points", "end"];
     if let Some(title) = &title {
         header.insert(4, title);

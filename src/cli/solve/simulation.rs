@@ -269,6 +269,16 @@ impl<'a> Simulation<'a> {
         })
     }
 
+    /// Returns the name of the simulated state, if the scene has states and the voltages are those of one of them.
+    pub fn state(&self) -> Option<String> {
+        let of_drive = || {
+            let mut states = self.scene.states.iter();
+            let found = states.find(|(_, voltages)| **voltages == self.scene.drive.voltages);
+            found.map(|(name, _)| name.to_owned())
+        };
+        self.arguments.state.state.clone().or_else(of_drive)
+    }
+
     /// Returns what is computed from.
     pub fn computation(&self) -> Computation<'_> {
         Computation {

@@ -26,8 +26,6 @@ pub struct ScreenedScene {
     pub warnings: Vec<String>,
     /// The same for a history.
     pub warnings_in_time: Vec<String>,
-    /// The line with the effects that were not checked, if there are any.
-    pub not_checked: Option<String>,
     /// A line if a pattern comes close to breakdown and this effect is on. Results with the electric field of each
     /// pattern relative to the breakdown field say this already.
     pub breakdown_warning: Option<String>,
@@ -76,7 +74,6 @@ impl ScreenedScene {
             breakdown_warning: observed.iter().find_map(Row::warning),
             warnings: with_unchecked(screening.warnings_of_equilibrium()),
             warnings_in_time: with_unchecked(screening.warnings()),
-            not_checked: not_checked.clone(),
             scene: screening.scene,
         })
     }

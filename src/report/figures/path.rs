@@ -89,8 +89,8 @@ fn paths_chart(branches: &[Branch], names: &PathAxes) -> Result<Chart, FigureErr
         let name = if named { branch.name.as_str() } else { "" };
         series.extend(branch.curve(name, colour));
         series.extend(branch.mark(colour, branches.len() == 1));
-        series.extend(branch.mark_breakdown(branches.len() == 1));
     }
+    series.extend(breakdown_marks(branches));
     Ok(Chart::new(title, axes, series).with_size(LARGE))
 }
 
@@ -111,20 +111,6 @@ impl Branch {
             first += same;
         }
         runs
-    }
-
-    /// Draws where the electric field reaches the breakdown field, with words if there is space.
-    fn mark_breakdown(&self, named: bool) -> Vec<Series> {
-        let Some([along, across]) = self.breakdown else {
-            return Vec::new();
-        };
-        let at = vec![(along, across)];
-        let mut marks = vec![Series::new("", Colour::Vermillion, Mark::Dots, at.clone())];
-        if named {
-            let words = vec!["breakdown field".to_owned()];
-            marks.push(Series::new("", Colour::Vermillion, Mark::Labelled, at).with_texts(words));
-        }
-        marks
     }
 
     /// Draws the limit with its error, and its name if there is space.
@@ -148,6 +134,23 @@ impl Branch {
             marks.push(Series::new("", colour, Mark::Labelled, at).with_texts(vec![name]));
         }
         marks
+    }
+}
+
+/// Draws where the electric field reaches the breakdown field: with words beside the mark of a single path, else with
+/// an entry in the legend.
+fn breakdown_marks(branches: &[Branch]) -> Vec<Series> {
+    const NAME: &str = "breakdown field";
+    let reached = branches.iter().filter_map(|branch| branch.breakdown);
+    let at: Vec<(f64, f64)> = reached.map(|[along, across]| (along, across)).collect();
+    let marks = |name: &str| Series::new(name, Colour::Vermillion, Mark::Dots, at.clone());
+    match (at.is_empty(), branches) {
+        (true, _) => Vec::new(),
+        (false, [_]) => {
+            let words = Series::new("", Colour::Vermillion, Mark::Labelled, at.clone());
+            vec![marks(""), words.with_texts(vec![NAME.to_owned()])]
+        }
+        (false, _) => vec![marks(NAME)],
     }
 }
 

@@ -348,6 +348,14 @@ fn a_path_marks_where_the_field_reaches_that_of_breakdown() {
     assert!(!drawn(None).contains(words));
     let marked = drawn(Some([3.0, 0.3]));
     assert!(marked.contains(words), "{marked}");
+    // Marks of several paths have one entry in the legend.
+    for (n, reached) in [(3, 0), (3, 2), (12, 5)] {
+        let mut several = branches(n);
+        let marked = several.iter_mut().take(reached);
+        marked.for_each(|branch| branch.breakdown = Some([3.0, 0.3]));
+        let drawn = paths_sheet(&several, &volts()).unwrap().markup.into_string();
+        assert_eq!(drawn.matches(words).count(), reached.min(1), "{drawn}");
+    }
 }
 
 #[test]
