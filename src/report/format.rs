@@ -83,8 +83,12 @@ pub fn percents(fraction: f64) -> String {
 
 /// Writes a difference in percent with its sign, with three significant digits.
 pub fn change(change: f64) -> String {
-    let text = percents(change);
-    match text.starts_with(|c: char| c.is_ascii_digit()) && change > 0.0 {
+    signed(percents(change), change)
+}
+
+/// Adds the sign of a positive number to its text.
+pub fn signed(text: String, number: f64) -> String {
+    match text.starts_with(|c: char| c.is_ascii_digit()) && number > 0.0 {
         true => format!("+{text}"),
         false => text,
     }

@@ -290,6 +290,7 @@ mod tests {
             status: "met".into(),
             gain_own_area: None,
             gain_equal_area: None,
+            gains: [None; 2],
             ratio_to_optimum: None,
             optimum_is: None,
             other_scene: None,

@@ -10,9 +10,9 @@ use serde::Serialize;
 
 use super::artifacts::ArtifactReader;
 use super::designed_for;
-use super::designs::{Compared, LEAST_MM, Objective, comparison, gain};
+use super::designs::{Compared, Gain, LEAST_MM, Objective, comparison};
 use super::error::ReportError;
-use super::format::{change, counted, mm, mm_measured, percents, three};
+use super::format::{counted, mm, mm_measured, percents, three};
 use super::intervals::{self, NetworkInterval};
 use super::presenter::Headline;
 use deaflow_base::{four_digits, measured, rounded_by};
@@ -25,8 +25,9 @@ use deaflow_store::StoreError;
 /// Above this relative difference between prediction and simulation, the evaluator is reported as inaccurate.
 pub(super) const TRUSTED: f64 = 0.05;
 
-/// If the gains at equal area and at its own area differ by more than this, both are reported.
-const GAIN_DIFFERENCE: f64 = 0.05;
+/// Below this share of the largest displacement of a target, a difference between prediction and simulation is relative
+/// to that share: the direction of a pattern that hardly moves is not what an evaluator has to predict.
+const LEAST_SHARE: f64 = 0.1;
 
 /// The result of a verify stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -36,7 +37,7 @@ pub struct VerificationSummary {
     /// The designs and the patterns that they are compared with.
     pub rows: Vec<RowSummary>,
     /// The largest difference between prediction and simulation of the found designs, as a fraction of the simulated
-    /// value.
+    /// value, or of a tenth of the largest one of the target.
     pub largest_difference: Option<f64>,
     /// Patterns with a prediction, but without a stable solution.
     pub not_stable: usize,
@@ -94,10 +95,13 @@ pub struct RowSummary {
     /// `met`, or the violated constraints.
     pub status: String,
     /// Gain over the intuitive design at its own area, a fraction; `None` if a given displacement is to be reached, as
-    /// a larger one is not better then.
+    /// a larger one is not better then, or if the intuitive design moves by less than its error or the other way.
     pub gain_own_area: Option<f64>,
     /// Gain over the intuitive design at the area of this design; `None` if there is none with that area.
     pub gain_equal_area: Option<f64>,
+    /// The gains over the intuitive design at its own and at this area, also where they are no fractions.
+    #[serde(skip)]
+    pub(super) gains: [Option<Gain>; 2],
     /// Ratio to the displacement of the optimum, the one on the same units if there is one.
     pub ratio_to_optimum: Option<f64>,
     /// What the optimum is, if there is a ratio to it.
@@ -276,17 +280,17 @@ impl VerificationSummary {
                 three(distance),
                 best.objective.angle(distance)
             );
-        } else if let Some(gain) = best.gain_equal_area {
-            text += &format!(", {} over the intuitive design at equal area", change(gain));
-            if let Some(own) = best.gain_own_area.filter(|own| (own - gain).abs() > GAIN_DIFFERENCE) {
+        } else if let [own, Some(gain)] = best.gains {
+            text += &format!(", {} over the intuitive design at equal area", gain.text(unit));
+            if let Some(own) = own.filter(|own| own.differs_from(gain)) {
                 let area = nearest_of(best, &self.rows, Role::Intuitive)
                     .map_or_else(String::new, |other| format!(" ({})", percents(other.area)));
-                text += &format!(" and {} over it at its own area{area}", change(own));
+                text += &format!(" and {} over it at its own area{area}", own.text(unit));
             }
-        } else if let Some(gain) = best.gain_own_area {
+        } else if let [Some(gain), None] = best.gains {
             text += &format!(
                 ", {} over the intuitive design, which has a different area",
-                change(gain)
+                gain.text(unit)
             );
         }
         if let Some((ratio, optimum)) = best.share_of_optimum() {
@@ -443,6 +447,7 @@ fn rows_of(
             status: statuses[k].clone(),
             gain_own_area: None,
             gain_equal_area: None,
+            gains: [None; 2],
             ratio_to_optimum: None,
             optimum_is: None,
             other_scene: None,
@@ -469,9 +474,15 @@ fn compared(row: &RowSummary, rows: &[RowSummary]) -> RowSummary {
     found.ratio_to_optimum = comparison.ratio;
     found.optimum_is = comparison.optimum_is;
     if row.role.is_compared() && row.distance_mm.is_none() {
-        let gain_over = |other: Option<f64>| gain(row.simulated_mm?, other?);
-        found.gain_own_area = gain_over(comparison.intuitive_own);
-        found.gain_equal_area = gain_over(comparison.intuitive_equal_area);
+        let intuitive = [
+            (Role::Intuitive, comparison.intuitive_own),
+            (Role::IntuitiveEqualArea, comparison.intuitive_equal_area),
+        ];
+        found.gains = intuitive.map(|(role, other)| {
+            let error_mm = nearest_of(row, rows, role).and_then(|other| other.simulated_error_mm);
+            Some(Gain::over(row.simulated_mm?, other?, error_mm))
+        });
+        [found.gain_own_area, found.gain_equal_area] = found.gains.map(|gain| gain?.fraction());
     }
     found
 }
@@ -482,9 +493,15 @@ fn found(rows: &[RowSummary]) -> impl Iterator<Item = &RowSummary> {
 }
 
 fn largest_difference<'r>(rows: impl Iterator<Item = &'r RowSummary>) -> Option<f64> {
-    let relative = rows.filter_map(|row| {
-        let simulated = row.simulated_mm.filter(|mm| mm.abs() > LEAST_MM)?;
-        Some((row.difference_mm? / simulated).abs())
+    let rows: Vec<&RowSummary> = rows.collect();
+    let largest = |row: &RowSummary| {
+        let of_target = rows.iter().filter(|other| other.same_target(row));
+        let sizes = of_target.filter_map(|other| Some(other.simulated_mm?.abs()));
+        sizes.fold(0.0, f64::max)
+    };
+    let relative = rows.iter().filter_map(|row| {
+        let simulated = row.simulated_mm?.abs().max(LEAST_SHARE * largest(row));
+        (simulated > LEAST_MM).then_some((row.difference_mm? / simulated).abs())
     });
     relative.reduce(f64::max)
 }
@@ -605,16 +622,11 @@ impl fmt::Display for Line<'_> {
                 row.objective.angle(distance)
             )?;
         }
-        match (row.gain_own_area, row.gain_equal_area) {
-            (Some(own), Some(equal)) => write!(
-                f,
-                "  gain over the intuitive design {}, {} at equal area",
-                change(own),
-                change(equal)
-            )?,
-            (Some(own), None) => write!(f, "  gain over the intuitive design {}", change(own))?,
-            (None, Some(equal)) => write!(f, "  gain over the intuitive design {} at equal area", change(equal))?,
-            (None, None) => {}
+        match row.gains.map(|gain| Some(gain?.text(unit))) {
+            [Some(own), Some(equal)] => write!(f, "  gain over the intuitive design {own}, {equal} at equal area")?,
+            [Some(own), None] => write!(f, "  gain over the intuitive design {own}")?,
+            [None, Some(equal)] => write!(f, "  gain over the intuitive design {equal} at equal area")?,
+            [None, None] => {}
         }
         if let Some((ratio, optimum)) = row.share_of_optimum() {
             write!(f, "  {} of {optimum}", percents(ratio))?;

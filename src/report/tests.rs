@@ -363,6 +363,49 @@ fn an_inaccurate_evaluator_is_reported() {
 }
 
 #[test]
+fn a_gain_over_a_pattern_that_moves_the_other_way_is_a_difference() {
+    let bench = TestStore::new();
+    let shown = |intuitive: f64, error: f64| {
+        let mut moved = verified(["converged"; 4]);
+        for (path, values) in [
+            ("component/simulated", [2.0, 2.5, intuitive, 1.95]),
+            ("component/error", [0.01, 0.01, error, 0.01]),
+        ] {
+            moved.datasets.insert(path.into(), floats("mm", &values));
+        }
+        moved.datasets.insert("component/error_known".into(), integers(&[1; 4]));
+        let made = [bench.made("verified", "verify", &moved)];
+        let summary = bench.run(&made).each("verify", summary::read).unwrap().remove(0);
+        (summary.rows[0].gain_own_area, summary.to_string())
+    };
+    for (intuitive, error, gain) in [(-0.1, 0.01, "+2.10 mm"), (0.02, 0.05, "+1.98 mm")] {
+        let (fraction, text) = shown(intuitive, error);
+        assert_eq!(fraction, None);
+        let gain = format!("gain over the intuitive design {gain}, +2.56 % at equal area");
+        assert!(text.contains(&gain), "{gain}: {text}");
+    }
+    let (fraction, text) = shown(0.5, 0.05);
+    assert_eq!(fraction, Some(3.0));
+    assert!(text.contains("gain over the intuitive design +300 %"), "{text}");
+}
+
+#[test]
+fn a_pattern_that_hardly_moves_does_not_make_an_evaluator_inaccurate() {
+    let bench = TestStore::new();
+    let mut still = verified(["converged"; 4]);
+    for (path, values) in [
+        ("component/simulated", [2.0, 2.5, 0.01, 1.95]),
+        ("component/predicted", [2.0, 2.5, 0.02, 1.95]),
+    ] {
+        still.datasets.insert(path.into(), floats("mm", &values));
+    }
+    let made = [bench.made("verified", "verify", &still)];
+    let summary = &bench.run(&made).each("verify", summary::read).unwrap()[0];
+    // 0.01 mm of a tenth of 2.5 mm.
+    assert!(summary.to_string().ends_with("differ by up to 4.00 %"), "{summary}");
+}
+
+#[test]
 fn a_pattern_without_a_stable_solution_shows_no_numbers() {
     let bench = TestStore::new();
     let outcomes = ["converged", "converged", "converged", "pull-in"];

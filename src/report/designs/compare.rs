@@ -2,6 +2,7 @@
 //! search.
 
 use super::design::{Comparison, Design, LEAST_MM, SAME_AREA};
+use crate::format::{change, signed, three};
 use deaflow_pattern::Role;
 
 /// What a gradient search gives. It is no bound: other starts may find more, and so may other constraints, such as
@@ -10,6 +11,9 @@ const SAME: &str = "the best pattern found by gradient search under the same con
 
 /// The same for a pattern that was searched under other constraints, or does not meet its own.
 const OTHER: &str = "the best pattern found by gradient search under other constraints";
+
+/// If the gains at equal area and at its own area differ by more than this, both are reported.
+const GAIN_DIFFERENCE: f64 = 0.05;
 
 /// A pattern, as it is compared with the others of its target.
 pub(crate) struct Compared<'d> {
@@ -101,9 +105,49 @@ fn best_found(own: &Compared<'_>, optimum: &Compared<'_>) -> &'static str {
     }
 }
 
-/// Returns the gain of a displacement over another one, as a fraction; `None` if the other one hardly moves.
-pub(crate) fn gain(own_mm: f64, other_mm: f64) -> Option<f64> {
-    (other_mm.abs() > LEAST_MM).then(|| (own_mm - other_mm) / other_mm.abs())
+/// How much more a pattern reaches than another one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Gain {
+    /// As a fraction of what the other one reaches.
+    Fraction(f64),
+    /// The difference, in the unit of the values: the other one moves the other way, or by less than its error, and a
+    /// fraction of that means nothing.
+    Difference(f64),
+}
+
+impl Gain {
+    /// Returns the gain over a pattern with a value and its error, if that is known.
+    pub fn over(own_mm: f64, other_mm: f64, error_mm: Option<f64>) -> Self {
+        let difference = own_mm - other_mm;
+        match other_mm > LEAST_MM.max(error_mm.unwrap_or(0.0)) {
+            true => Self::Fraction(difference / other_mm),
+            false => Self::Difference(difference),
+        }
+    }
+
+    /// Returns the fraction, if it is one.
+    pub fn fraction(self) -> Option<f64> {
+        match self {
+            Self::Fraction(fraction) => Some(fraction),
+            Self::Difference(_) => None,
+        }
+    }
+
+    /// Writes it with its sign: `+25.0 %`, or `+1.99 mm`.
+    pub fn text(self, unit: &str) -> String {
+        match self {
+            Self::Fraction(fraction) => change(fraction),
+            Self::Difference(difference) => format!("{} {unit}", signed(three(difference), difference)),
+        }
+    }
+
+    /// Whether it is worth to be stated beside another gain.
+    pub fn differs_from(self, other: Self) -> bool {
+        match (self, other) {
+            (Self::Fraction(own), Self::Fraction(other)) => (own - other).abs() > GAIN_DIFFERENCE,
+            _ => self != other,
+        }
+    }
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::compare::gain;
+use super::compare::Gain;
 use super::front::{FrontPlace, OtherObjective};
 use super::objective::{Objective, TargetPoint};
 use crate::artifacts::StageArtifact;
@@ -172,10 +172,10 @@ impl Design {
     }
 
     /// Returns the gain over another displacement in mm, as a fraction; `None` if a given displacement is to be
-    /// reached, as a larger one is not better then, or if the other one hardly moves.
+    /// reached, as a larger one is not better then, or if the other one hardly moves, or moves the other way.
     #[must_use]
     pub fn gain_over(&self, other_mm: f64) -> Option<f64> {
-        gain(self.simulated_mm.filter(|_| !self.objective.is_met)?, other_mm)
+        Gain::over(self.simulated_mm.filter(|_| !self.objective.is_met)?, other_mm, None).fraction()
     }
 
     /// Sets the value of a robust objective that the search has predicted; it is ignored if the objective is not
