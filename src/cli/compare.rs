@@ -16,7 +16,7 @@ use deaflow_content::MeasuredQuantity;
 use deaflow_stage::direct;
 use deaflow_stage::measured::curve::Noise;
 use deaflow_stage::measured::{
-    Compared, Device, VOLTAGE_OFFSET, Values, WithEffect, compare_all, read_sets, with_neglected_effects,
+    Compared, Device, MeasuredSet, VOLTAGE_OFFSET, Values, WithEffect, compare_all, read_sets, with_neglected_effects,
 };
 
 /// Compare measurements with a simulation at the same points
@@ -74,6 +74,8 @@ pub fn execute(arguments: &CompareArguments, output: &Output) -> Result<Exit, Cl
     let notes = notes(&sets, output);
     let (compared, mesh) = compare_all(&device, &sets, &offset, !arguments.mesh.is_chosen())?;
     let device = device.on(mesh);
+    // Specimens are not simulated on a mesh.
+    let mesh = sets.iter().any(MeasuredSet::is_of_device).then(|| mesh.to_string());
     let neglected = match arguments.effects {
         true => with_neglected_effects(&scene, &device, (&sets, &compared), &offset)?,
         false => Vec::new(),
@@ -85,7 +87,7 @@ pub fn execute(arguments: &CompareArguments, output: &Output) -> Result<Exit, Cl
     let all = || {
         let mut all = json!({
             "compared": document(&compared),
-            "mesh": mesh.to_string(),
+            "mesh": mesh,
             "files": written,
             "notes": notes,
         });
@@ -96,7 +98,9 @@ pub fn execute(arguments: &CompareArguments, output: &Output) -> Result<Exit, Cl
     };
     output.result(all, || {
         let mut text = summary(&compared);
-        text.line(format!("mesh: {mesh}"));
+        if let Some(mesh) = &mesh {
+            text.line(format!("mesh: {mesh}"));
+        }
         if arguments.effects {
             text.append(effects(&compared, &neglected));
         }

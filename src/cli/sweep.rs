@@ -315,7 +315,13 @@ impl<'a> SweepPlan<'a> {
                 sets.push(format!("stages.{stage}.foreach={{ {} }}", axes.join(", ")));
             }
         }
-        if !self.arguments.table.is_empty() {
+        // Of another stage the run says that it does not exist.
+        let is_known = self
+            .arguments
+            .until
+            .as_deref()
+            .is_none_or(|until| self.has_stage(until));
+        if !self.arguments.table.is_empty() && is_known {
             sets.push(self.table_stage()?);
         }
         sets.iter().map(|set| Ok(Override::parse(set)?)).collect()
@@ -324,7 +330,6 @@ impl<'a> SweepPlan<'a> {
     /// Returns the stage after which the run stops: the table needs what is collected, and the stage of `--until`.
     fn until(&self) -> Option<String> {
         match self.arguments.until.as_deref() {
-            // The run reports a stage that does not exist.
             Some(until) if self.arguments.table.is_empty() || !self.has_stage(until) => Some(until.to_owned()),
             _ => (!self.arguments.table.is_empty()).then(|| self.table.clone()),
         }
@@ -336,7 +341,7 @@ impl<'a> SweepPlan<'a> {
 
     /// Returns the override that adds the stage that collects the results.
     fn table_stage(&self) -> Result<String, CliError> {
-        let last = match self.arguments.until.as_deref().filter(|until| self.has_stage(until)) {
+        let last = match self.arguments.until.as_deref() {
             Some(until) => vec![until],
             None => self.last_stages(),
         };

@@ -10,6 +10,9 @@ const LENGTHS: std::ops::RangeInclusive<f64> = -1e6..=1e6;
 /// Displacements as drawn up to this, mm, are rounding errors of the solver.
 const LEAST_MM: f64 = 1e-6;
 
+/// The longest text of a length as it is given; longer ones are those of computed numbers.
+const LONGEST: usize = 12;
+
 /// The displacement that a device has to reach.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
@@ -84,6 +87,9 @@ impl Wanted {
 impl fmt::Display for Wanted {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Length(length) if length.to_string().len() > LONGEST => {
+                write!(f, "{} mm", four_digits(length.value()))
+            }
             Self::Length(length) => length.fmt(f),
             Self::Share(share) => write!(f, "{} %", share.scaled(2)),
         }
@@ -135,6 +141,8 @@ mod tests {
             assert_eq!(share.in_mm(none), None, "{none:?}");
         }
         assert_eq!((share.share(), share.length_mm()), (Some(0.9), None));
+        let exact = Wanted::of_stored(Some(1.022_091_580_344_713_7), None).unwrap();
+        assert_eq!(exact.to_string(), "1.022 mm");
         let length = Wanted::of_stored(Some(2.0), None).unwrap();
         assert_eq!(
             (length.described(None), length.in_mm(None)),

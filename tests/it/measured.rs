@@ -553,6 +553,12 @@ fn curves_are_compared_by_the_names_of_their_tests() {
     let named = compare("uniaxial=uniaxial.csv");
     assert_eq!(named.code, Some(0), "{named}");
     assert_eq!(named.json()["compared"], compare("list.yaml").json()["compared"]);
+    // Specimens have no mesh.
+    assert_eq!(named.json()["mesh"], Value::Null);
+    let told = workspace
+        .run(&["compare", "scene.yaml", "uniaxial=uniaxial.csv"])
+        .stdout;
+    assert!(!told.contains("mesh"), "{told}");
     for (given, says) in [
         ("uniaxial.csv", "uniaxial=uniaxial.csv"),
         ("x=uniaxial.csv", "allowed: uniaxial"),

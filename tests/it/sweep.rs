@@ -257,6 +257,8 @@ fn a_sweep_ends_with_a_stage_and_names_the_results_of_several_by_stage() {
         assert_eq!(ended.code, Some(0), "{ended}");
         ended.stdout.lines().map(str::to_owned).collect::<Vec<_>>()
     };
+    let misspelt = sweep(&["--table", "max_displacement", "--until", "solvd"]);
+    assert!(misspelt.stderr.contains("did you mean `solved"), "{misspelt}");
     let both = table(&[]);
     assert_eq!(both[0], "voltage,fine.max_displacement,solved.max_displacement");
     let cells: Vec<&str> = both[1].split(',').collect();

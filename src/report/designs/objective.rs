@@ -273,6 +273,7 @@ fn robust_words(robust: &Node) -> String {
         .peek("mean_minus")
         .and_then(|factor| factor.text("mean_minus").ok())
     {
+        Some("1") => "mean of the masks less a standard deviation".to_owned(),
         Some(factor) => format!("mean of the masks less {factor} standard deviations"),
         None => "worst of the masks".to_owned(),
     }
@@ -450,6 +451,10 @@ mod tests {
         assert_eq!(
             robust("{ mean_minus: 2, mask: 0.1 mm }").unwrap(),
             "mean of the masks less 2 standard deviations"
+        );
+        assert_eq!(
+            robust("{ mean_minus: 1, mask: 0.1 mm }").unwrap(),
+            "mean of the masks less a standard deviation"
         );
     }
 
