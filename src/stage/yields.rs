@@ -164,14 +164,6 @@ impl Kind for YieldKind {
 
     fn check(&self, stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<StageCheck, InputError> {
         needed::no_edges_within_cells(stage, needs)?;
-        // A fit keeps those of the scene of the pipeline.
-        let of_scene = stage.scene.map(Tolerances::of_scene).transpose()?.flatten();
-        let has_tolerances = of_scene.is_some() || stage.node.peek("tolerances").is_some();
-        if let Some(scene) = stage.scene_from.filter(|_| !has_tolerances) {
-            return Err(scene
-                .error("the fitted scene has no `tolerances`, because that of the pipeline has none")
-                .help("add `tolerances` to the scene, or to the yield stage"));
-        }
         let own = needed::count(needs, &[patterns::NAME]);
         if own > 1 {
             let message = format!("`needs` names {own} stages of kind `patterns`, whose patterns have the same names");

@@ -475,19 +475,20 @@ tolerances: { thickness: 3 %, shear_modulus: { relative: 20 %, distribution: log
     let given = blocks("all.yaml");
     assert_eq!(given.keys().collect::<Vec<_>>(), names);
     let fit = |scene: &str, more: &[&str]| {
-        let ended = workspace.run(&[&["fit", scene, "uniaxial=uniaxial.csv", "-o", "fitted.yaml"], more].concat());
+        let ended = workspace.run(&[&["fit", scene, "uniaxial=uniaxial.csv", "-o", "own.yaml"], more].concat());
         assert_eq!(ended.code, Some(0), "{ended}");
-        blocks("fitted.yaml")
+        blocks("own.yaml")
     };
     let fitted = fit("all.yaml", &["--law", "gent"]);
     assert_eq!(fitted.keys().collect::<Vec<_>>(), names);
     // What a fit does not change is the same when it is fitted again.
+    std::fs::copy(workspace.path("own.yaml"), workspace.path("fitted.yaml")).unwrap();
     assert_eq!(fit("fitted.yaml", &["--law", "gent"]), fitted);
 
-    // Numbers of a scene with one state and without pressure, by the command, by a stage, and by a second one.
+    // The same with numbers of a scene, and by stages: patterns need no leads, and fits one state without pressure.
     let rest = all
         .lines()
-        .filter(|line| !line.starts_with("states") && !line.starts_with("loads"));
+        .filter(|line| ["properties", "tolerances"].iter().any(|block| line.starts_with(block)));
     let rest: String = rest.map(|line| format!("{line}\n")).collect();
     workspace.write("scene.yaml", &format!("{SCENE}{rest}"));
     let freed = fit("scene.yaml", &["--free", "shear_modulus"]);
@@ -505,10 +506,7 @@ tolerances: { thickness: 3 %, shear_modulus: { relative: 20 %, distribution: log
         assert_eq!(ended.code, Some(0), "{ended}");
         let exported = blocks("exported.yaml");
         assert_eq!(exported["tolerances"], fitted["tolerances"]);
-        assert!(
-            exported.contains_key("leads") && exported.contains_key("properties"),
-            "{exported:?}"
-        );
+        assert!(exported.contains_key("properties"), "{exported:?}");
         let text = ended.json()["scene"].to_string();
         assert!(
             text.contains("tolerances: { ") || text.contains("tolerances: {"),
@@ -539,10 +537,7 @@ tolerances: { thickness: 3 %, shear_modulus: { relative: 20 %, distribution: log
     assert_eq!(made.code, Some(0), "{made}");
     workspace.write("scene.yaml", SCENE);
     let refused = workspace.run(&["plan", "chain.yaml"]);
-    assert!(
-        refused.stderr.contains("the fitted scene has no `tolerances`"),
-        "{refused}"
-    );
+    assert!(refused.stderr.contains("no device differs from another"), "{refused}");
 }
 
 #[test]

@@ -98,7 +98,7 @@ fn the_electric_field_under_pressure_is_compared_with_the_breakdown_field() {
         own.map(|warning| warning.as_str().unwrap().to_owned())
             .collect::<Vec<_>>()
     };
-    let ratio = number(&with("1 GV/m", &pressure)["equilibria"][0]["breakdown_ratio"]);
+    let ratio = number(&with("1000 MV/m", &pressure)["equilibria"][0]["breakdown_ratio"]);
     let near = |of: f64| format!("{} MV/m", 1e3 * ratio / of);
     assert_eq!(told(&with(&near(0.79), &pressure)), Vec::<String>::new());
     assert_eq!(
@@ -111,8 +111,8 @@ fn the_electric_field_under_pressure_is_compared_with_the_breakdown_field() {
     );
     // With hardly any pressure it is that of the flat membrane.
     let effects = ["--set", "effects={ dielectric_breakdown: {} }"];
-    let flat = with("1 GV/m", &effects)["breakdown"][0]["breakdown_ratio"].clone();
-    let hardly = with("1 GV/m", &["--set", "loads={ pressure: 0.01 Pa }"]);
+    let flat = with("1000 MV/m", &effects)["breakdown"][0]["breakdown_ratio"].clone();
+    let hardly = with("1000 MV/m", &["--set", "loads={ pressure: 0.01 Pa }"]);
     let hardly = number(&hardly["equilibria"][0]["breakdown_ratio"]);
     assert!((hardly / number(&flat) - 1.0).abs() < 1e-6, "{hardly} {flat}");
     // Along a path it is reached where a state has it.
