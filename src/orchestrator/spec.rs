@@ -208,7 +208,9 @@ impl Pipeline {
             .filter(|&at| is_target(&self.stages[at].name))
             .collect();
         if targets.is_empty() {
-            let names: Vec<&str> = self.stages.iter().map(|stage| stage.name.as_str()).collect();
+            let stages = self.stages.iter().map(|stage| stage.name.as_str());
+            let sweeps = self.sweeps.iter().filter(|sweep| sweep.stages != [sweep.name.as_str()]);
+            let names: Vec<&str> = sweeps.map(|sweep| sweep.name.as_str()).chain(stages).collect();
             let message = format!("no stage `{until}` in {}", self.path.display());
             return Err(InputError::new(message).help(suggestion(until, &names)));
         }
