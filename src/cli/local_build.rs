@@ -135,10 +135,7 @@ impl Build<'_> {
         let progress = Arc::new(RunProgress::new(mode, output.errors()));
         let answer = progress.clone();
         let stop = Stop::on_signals(move || {
-            answer.note(
-                "stopping: finished chunks and the state of trainings and searches are kept; press Ctrl-C again to end \
-                 at once",
-            );
+            answer.note("stopping: finished chunks and checkpoints are kept; press Ctrl-C again to end at once");
         })?;
         let transfers = progress.clone();
         let watch = access.watch(move |text| transfers.note(text));

@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::artifacts::ArtifactReader;
 use super::designed_for;
-use super::designs::{Compared, Gain, LEAST_MM, Objective, comparison};
+use super::designs::{Compared, Gain, Objective, comparison, prediction_error};
 use super::error::ReportError;
 use super::format::{counted, mm, mm_measured, percents, three};
 use super::intervals::{self, NetworkInterval};
@@ -24,10 +24,6 @@ use deaflow_store::StoreError;
 
 /// Above this relative difference between prediction and simulation, the evaluator is reported as inaccurate.
 pub(super) const TRUSTED: f64 = 0.05;
-
-/// Below this share of the largest displacement of a target, a difference between prediction and simulation is relative
-/// to that share: the direction of a pattern that hardly moves is not what an evaluator has to predict.
-const LEAST_SHARE: f64 = 0.1;
 
 /// The result of a verify stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -499,10 +495,9 @@ fn largest_difference<'r>(rows: impl Iterator<Item = &'r RowSummary>) -> Option<
         let sizes = of_target.filter_map(|other| Some(other.simulated_mm?.abs()));
         sizes.fold(0.0, f64::max)
     };
-    let relative = rows.iter().filter_map(|row| {
-        let simulated = row.simulated_mm?.abs().max(LEAST_SHARE * largest(row));
-        (simulated > LEAST_MM).then_some((row.difference_mm? / simulated).abs())
-    });
+    let relative = rows
+        .iter()
+        .filter_map(|row| prediction_error(row.difference_mm?, row.simulated_mm?, largest(row)));
     relative.reduce(f64::max)
 }
 

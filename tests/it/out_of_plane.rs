@@ -266,6 +266,11 @@ fn a_hub_that_is_pulled_out_of_the_plane_has_a_translation_in_space() {
     for text in ["body", "1.595 mm", "1.222 mm"] {
         assert!(ended.stdout.contains(text), "{}", ended.stdout);
     }
+    for path in ["--path", "--path=load"] {
+        let refused = workspace.run(&[&first[..], &[path], &more].concat());
+        let told = "bodies that move out of the plane are not simulated with `--path`";
+        assert!(refused.code == Some(2) && refused.stderr.contains(told), "{refused}");
+    }
     // Pulled apart: there is no motion to list.
     let far = "geometry.bodies.0.load=[0 N, 0 N, 100 N]";
     let ended = workspace.run(&[&first[..], &["--order", "1"], &more, &["--set", far]].concat());

@@ -45,6 +45,10 @@ pub fn execute(arguments: &SolveArguments, parameter: PathParameter, output: &Ou
     if simulation.scene.loads.is_some() {
         return inflation_path::execute(simulation, parameter, output);
     }
+    if simulation.scene.is_in_space() {
+        let error = SetupError::not_in_space(&simulation.scene, "`--path`");
+        return Err(CliError::from(error).help("remove `--path`, or give two numbers for each `load` and `spring`"));
+    }
     let probe = arguments.point.on(&simulation.scene)?;
     let Paths {
         paths,

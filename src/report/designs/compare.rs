@@ -105,6 +105,17 @@ fn best_found(own: &Compared<'_>, optimum: &Compared<'_>) -> &'static str {
     }
 }
 
+/// Below this share of the largest displacement of a target, a difference between prediction and simulation is relative
+/// to that share: the direction of a pattern that hardly moves is not what an evaluator has to predict.
+const LEAST_SHARE: f64 = 0.1;
+
+/// Returns the difference between prediction and simulation as a fraction of the simulated displacement, or of a tenth
+/// of the largest one of the target; `None` if that is less than a micrometre.
+pub(crate) fn prediction_error(difference_mm: f64, simulated_mm: f64, largest_mm: f64) -> Option<f64> {
+    let scale_mm = simulated_mm.abs().max(LEAST_SHARE * largest_mm);
+    (scale_mm > LEAST_MM).then_some((difference_mm / scale_mm).abs())
+}
+
 /// How much more a pattern reaches than another one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Gain {

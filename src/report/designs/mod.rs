@@ -12,7 +12,7 @@ mod statistics;
 #[cfg(test)]
 pub(super) use {compare::tests, front::FrontPlace};
 
-pub(super) use compare::{Compared, Gain, comparison};
+pub(super) use compare::{Compared, Gain, comparison, prediction_error};
 pub use deaflow_pattern::Role;
 pub use design::{Design, LEAST_MM, StateField};
 pub use front::OtherObjective;

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::compare::prediction_error;
 use super::design::Design;
 use deaflow_pattern::Role;
 
@@ -20,7 +21,8 @@ pub struct DesignStatistics {
     pub refined_to_optimum: Option<Extreme>,
     /// The smallest ratio of a design of the genetic algorithm to the optimum.
     pub ga_to_optimum: Option<Extreme>,
-    /// The largest difference between predicted and simulated of all patterns, including the intuitive ones.
+    /// The largest difference between predicted and simulated of all patterns, including the intuitive ones, as a
+    /// fraction of the simulated displacement, or of a tenth of the largest one of the target.
     pub prediction_error: Option<Extreme>,
     /// Median gain of the best found design of a target over the intuitive one at its own area.
     pub gain_own_area: Option<f64>,
@@ -56,9 +58,15 @@ impl DesignStatistics {
                 of: design.compared.optimum_is,
             })
         };
-        let error = designs
-            .iter()
-            .filter_map(|design| Some((design.prediction_error()?.abs(), design)));
+        let error = targets.iter().flat_map(|target| {
+            let sizes = target.iter().filter_map(|design| Some(design.simulated_mm?.abs()));
+            let largest_mm = sizes.fold(0.0, f64::max);
+            target.iter().filter_map(move |design| {
+                let simulated_mm = design.simulated_mm?;
+                let error = prediction_error(design.predicted_mm? - simulated_mm, simulated_mm, largest_mm)?;
+                Some((error, *design))
+            })
+        });
         let gains = |of: &dyn Fn(&Design) -> Option<f64>| {
             let gains = targets.iter().filter_map(|own| gain(own, of));
             median(gains.collect())
@@ -150,6 +158,14 @@ mod tests {
         let error = found.prediction_error.unwrap();
         assert!(close(error.value, 0.02) && error.design == "I-centre-intuitive");
         assert!(close(found.gain_own_area.unwrap(), 0.225));
+        // The error of a pattern that hardly moves is relative to a tenth of the largest displacement of its target.
+        designs[3].simulated_mm = Some(-0.01);
+        designs[3].predicted_mm = Some(-0.004);
+        let error = DesignStatistics::of(&designs).prediction_error.unwrap();
+        assert!(
+            close(error.value, 0.03) && error.design == "I-centre-intuitive",
+            "{error:?}"
+        );
         assert_eq!(found.gain_equal_area, None);
         assert_eq!(DesignStatistics::of(&[]), DesignStatistics::default());
         assert_eq!(median(vec![3.0, 1.0, 2.0, 10.0]), Some(2.5));

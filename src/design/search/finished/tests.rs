@@ -98,7 +98,7 @@ fn search(progress: &Interrupted) -> Result<SearchResult, SearchError> {
         goal,
         masks: None,
     };
-    let options = node("{ method: adjoint, starts: 3, designs: 2, distance: 0.05, units: 10, seed: 1 }");
+    let options = node("{ method: adjoint, starts: 3, designs: 2, distance: 0.05, units: 20, seed: 1 }");
     let search = Search {
         target: &target,
         constraints: &Constraints::none(Membrane::square(50.0)),
