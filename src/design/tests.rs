@@ -1,6 +1,13 @@
-//! A device with an exact solution for the tests of this crate.
+//! A device with an exact solution, and parts of documents, for the tests of this crate.
 
-use deaflow_field::{CORNERS, Differentiable, Evaluator, Field, PredictError, Predictor, WithGradient};
+use std::path::Path;
+
+use crate::search::{FiniteElements, SearchError};
+use deaflow_base::{Document, Node};
+use deaflow_field::{
+    CORNERS, Differentiable, Evaluator, Feasibility, Field, InStates, PredictError, Predictor, StateFields,
+    WithGradient,
+};
 use deaflow_pattern::{CELLS, Pattern, Raster};
 
 /// A device of which all points move along x by Σ worth · load + ½ bend (Σ spread · load)² mm, summed over the active
@@ -109,4 +116,26 @@ impl Differentiable for TestDevice {
         let each = weights.iter().map(|weights| (0.0, self.derivative(weights, 0.0)));
         Ok(Some(each.collect()))
     }
+}
+
+/// The device in its states as the finite elements of a search.
+pub struct Elements<'a>(pub InStates<&'a TestDevice>);
+
+impl FiniteElements for Elements<'_> {
+    fn gradient(&self) -> Result<&dyn Differentiable<StateFields>, SearchError> {
+        Ok(&self.0)
+    }
+
+    fn settings(&self) -> String {
+        "exact".to_owned()
+    }
+
+    fn feasibility(&self) -> Result<Option<&dyn Feasibility>, SearchError> {
+        Ok(None)
+    }
+}
+
+/// A part of a document.
+pub fn node(text: &str) -> Node {
+    Document::from_text(Path::new("f"), text).unwrap().root
 }

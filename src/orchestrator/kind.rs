@@ -95,8 +95,8 @@ pub trait Kind: Sync {
         &[]
     }
 
-    /// Returns the parameters of two stages of this kind as they are written in a pipeline, to name what differs: by the
-    /// keys of the file, with shares in per cent where a length would have its unit.
+    /// Returns the parameters of two stages of this kind as they are written in a pipeline, to name what differs: by
+    /// the keys of the file, with shares in per cent where a length would have its unit.
     fn as_written(&self, both: [&Canonical; 2]) -> [Canonical; 2] {
         both.map(Canonical::clone)
     }

@@ -182,7 +182,7 @@ impl Pipeline {
     #[must_use]
     pub fn sweep(&self, name: &str) -> Option<&Sweep> {
         let mut named = self.sweeps.iter().filter(|sweep| sweep.name == name);
-        named.find(|sweep| sweep.stages != [name])
+        named.find(|sweep| sweep.has_other_stages())
     }
 
     /// Returns the scene of a stage: its own, or that of the pipeline.
@@ -209,7 +209,7 @@ impl Pipeline {
             .collect();
         if targets.is_empty() {
             let stages = self.stages.iter().map(|stage| stage.name.as_str());
-            let sweeps = self.sweeps.iter().filter(|sweep| sweep.stages != [sweep.name.as_str()]);
+            let sweeps = self.sweeps.iter().filter(|sweep| sweep.has_other_stages());
             let names: Vec<&str> = sweeps.map(|sweep| sweep.name.as_str()).chain(stages).collect();
             let message = format!("no stage `{until}` in {}", self.path.display());
             return Err(InputError::new(message).help(suggestion(until, &names)));

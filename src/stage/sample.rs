@@ -119,19 +119,15 @@ impl<'a> UnitGroups<'a> {
         })
     }
 
-    /// Returns whether a number of units that both have has another number of patterns. There may be fewer patterns of
-    /// few units than are wanted.
+    /// Returns whether a number of units that both have has another number of patterns, or both have none in common.
+    /// There may be fewer patterns of few units than are wanted.
     fn changes_counts(&self, other: &Self) -> bool {
-        let count = |of: &Self, units: u64| {
-            let found = of.groups.iter().find(|(known, _)| *known == units);
-            found.map(|(_, own)| own.get("count"))
+        let counts = |(units, own): &(u64, &BTreeMap<String, Canonical>)| {
+            let (_, theirs) = other.groups.iter().find(|(known, _)| known == units)?;
+            Some(own.get("count") != theirs.get("count"))
         };
-        let mut both = self
-            .groups
-            .iter()
-            .filter_map(|(units, own)| Some((own.get("count"), count(other, *units)?)));
-        let is_common = |(units, _): &(u64, _)| count(other, *units).is_some();
-        both.any(|(own, other)| own != other) || !self.groups.iter().any(is_common)
+        let differ: Vec<bool> = self.groups.iter().filter_map(counts).collect();
+        differ.is_empty() || differ.contains(&true)
     }
 
     /// Returns the parameters by the keys of a pipeline; without the number of patterns if that has not changed.

@@ -529,7 +529,8 @@ tolerances: { thickness: 3 %, shear_modulus: { relative: 20 %, distribution: log
     assert_eq!(outcome(&plan, "solved"), "reused");
     // A yield takes them.
     let yields = "  own: { kind: patterns, files: [own.csv] }
-  made: { kind: yield, needs: [own], point: [25 mm, 25 mm], direction: 0 deg, samples: 2, seed: 1, scene: { from: fitted } }
+  made: { kind: yield, needs: [own], point: [25 mm, 25 mm], direction: 0 deg, samples: 2, seed: 1,
+          scene: { from: fitted } }
 ";
     workspace.write("own.csv", &"1,1,1,1,1,0,0,0,0,0\n".repeat(10));
     workspace.write("chain.yaml", &format!("{CHAIN}{yields}"));

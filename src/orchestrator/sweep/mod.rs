@@ -43,6 +43,13 @@ pub struct Sweep {
     pub stages: Vec<String>,
 }
 
+impl Sweep {
+    /// Returns whether it stands for other stages than a single one of its name.
+    pub fn has_other_stages(&self) -> bool {
+        self.stages != [self.name.as_str()]
+    }
+}
+
 /// The keys of stages that stand for several.
 pub fn schema(fields: Fields) -> Fields {
     KEYS.into_iter()

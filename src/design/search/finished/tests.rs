@@ -1,34 +1,17 @@
 use std::cell::{Cell, RefCell};
-use std::path::Path;
 
 use super::*;
 use crate::Constraints;
 use crate::evolve::{GenerationReport, Observer};
 use crate::objective::{Goal, Objective};
 use crate::options::SearchOptions;
-use crate::search::{FiniteElements, Search, SearchResult};
+use crate::search::{Search, SearchResult};
 use crate::target::{Area, Target};
-use crate::tests::TestDevice;
-use deaflow_base::{Declared, Document, Node, Stopped};
-use deaflow_field::{Differentiable, Feasibility, InStates, StateFields};
+use crate::tests::{Elements, TestDevice, node};
+use deaflow_base::{Declared, Stopped};
+use deaflow_field::InStates;
 use deaflow_pattern::{Membrane, Raster};
 use deaflow_scene::Scene;
-
-struct Elements<'a>(InStates<&'a TestDevice>);
-
-impl FiniteElements for Elements<'_> {
-    fn gradient(&self) -> Result<&dyn Differentiable<StateFields>, SearchError> {
-        Ok(&self.0)
-    }
-
-    fn settings(&self) -> String {
-        "exact".to_owned()
-    }
-
-    fn feasibility(&self) -> Result<Option<&dyn Feasibility>, SearchError> {
-        Ok(None)
-    }
-}
 
 /// Stops after a number of local searches, and keeps the last checkpoint.
 #[derive(Default)]
@@ -76,10 +59,6 @@ impl SearchProgress for Interrupted {
     fn searched_before(&self, searches: usize) {
         self.before.set(searches);
     }
-}
-
-fn node(text: &str) -> Node {
-    Document::from_text(Path::new("f"), text).unwrap().root
 }
 
 fn search(progress: &Interrupted) -> Result<SearchResult, SearchError> {

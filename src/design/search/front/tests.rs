@@ -1,35 +1,18 @@
 use std::cell::Cell;
-use std::path::Path;
 
 use super::*;
 use crate::evolve::{GenerationReport, Observer};
 use crate::front::{FrontObjective, Pareto, hypervolume_of};
 use crate::objective::Objective;
 use crate::options::SearchOptions;
-use crate::search::{Candidate, FiniteElements, SearchProgress};
+use crate::search::{Candidate, SearchProgress};
 use crate::target::{Area, Target};
-use crate::tests::TestDevice;
+use crate::tests::{Elements, TestDevice, node};
 use crate::{Constraints, Cost, Limits};
-use deaflow_base::{Declared, Document, Node, Parameter};
-use deaflow_field::{Evaluator, Feasibility, InStates};
+use deaflow_base::{Declared, Parameter};
+use deaflow_field::{Evaluator, InStates};
 use deaflow_pattern::Membrane;
 use deaflow_scene::Scene;
-
-struct Elements<'a>(InStates<&'a TestDevice>);
-
-impl FiniteElements for Elements<'_> {
-    fn gradient(&self) -> Result<&dyn Differentiable<StateFields>, SearchError> {
-        Ok(&self.0)
-    }
-
-    fn settings(&self) -> String {
-        "exact".to_owned()
-    }
-
-    fn feasibility(&self) -> Result<Option<&dyn Feasibility>, SearchError> {
-        Ok(None)
-    }
-}
 
 /// Counts the steps of the progress bar.
 #[derive(Default)]
@@ -45,10 +28,6 @@ impl SearchProgress for Searches {
     fn searched(&self) {
         self.0.set(self.0.get() + 1);
     }
-}
-
-fn node(text: &str) -> Node {
-    Document::from_text(Path::new("f"), text).unwrap().root
 }
 
 /// The front of a device against the area.
