@@ -24,7 +24,7 @@ pub struct GcArguments {
     /// Print what would be removed for each stage, its size, and what protects the rest; remove nothing
     #[arg(short = 'n', long)]
     pub dry_run: bool,
-    /// Keep the artifacts that the last N runs of each pipeline made and needed
+    /// Keep the artifacts that the last N complete runs of each pipeline, and later ones, made and needed
     #[arg(long, value_name = "N", default_value_t = 10, allow_negative_numbers = true)]
     pub keep_runs: usize,
     /// Keep what was written less than this long ago: hours, or a time as in "90 min" or 7days

@@ -468,12 +468,17 @@ impl Store {
             let artifacts: Vec<ArtifactId> = run.stages.iter().map(|stage| stage.artifact).collect();
             let mut is_last = false;
             if let Some(file) = file.filter(|_| run.command == history::Command::Run && group.is_empty()) {
-                is_last = !last_runs.iter().any(|(known, _)| *known == file);
-                last_runs.extend(is_last.then(|| (file, artifacts.clone())));
+                let is_newest = !last_runs.iter().any(|(known, _)| *known == file);
+                is_last = is_newest || run.is_complete();
+                last_runs.extend(is_newest.then(|| (file, artifacts.clone())));
             }
-            // Runs with the same artifacts count once.
-            if group.len() == retention.runs || !group.insert(artifacts.clone()) {
+            if group.len() == retention.runs || group.contains(&artifacts) {
                 continue;
+            }
+            // Runs with the same artifacts count once. One that failed or was stopped is kept and not counted: it lacks
+            // what complete ones have made.
+            if run.is_complete() {
+                group.insert(artifacts.clone());
             }
             runs.push(Root {
                 name: format!("run of {} at {}", run.pipeline, readable_time(&run.created)),

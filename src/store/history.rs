@@ -145,6 +145,14 @@ impl Run {
         self.stages.iter().find(|stage| stage.name == name)
     }
 
+    /// Whether it reached the end of its pipeline: nothing failed or was stopped.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        [&self.failures, &self.stopped, &self.not_begun]
+            .iter()
+            .all(|names| names.is_empty())
+    }
+
     /// Whether both have the same pipeline, overrides and artifacts.
     fn is_equivalent(&self, other: &Self) -> bool {
         let made = |run: &Self| -> Vec<(String, ActionKey, ArtifactId)> {

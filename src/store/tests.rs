@@ -586,7 +586,18 @@ fn pinned(store: &Store, digest: ArtifactId) {
 }
 
 /// Puts a run of a pipeline with one artifact into the history; returns the artifact.
-fn ran(store: &Store, second: u8, (name, file): (&str, &std::path::Path), command: Command) -> ArtifactId {
+fn ran(store: &Store, second: u8, pipeline: (&str, &std::path::Path), command: Command) -> ArtifactId {
+    ran_until(store, second, pipeline, command, &[])
+}
+
+/// The same of a run in which some stages were stopped.
+fn ran_until(
+    store: &Store,
+    second: u8,
+    (name, file): (&str, &std::path::Path),
+    command: Command,
+    stopped: &[&str],
+) -> ArtifactId {
     let artifact = put(store, &chunk(second, 1));
     let stage = RunStage {
         name: "s".into(),
@@ -601,10 +612,29 @@ fn ran(store: &Store, second: u8, (name, file): (&str, &std::path::Path), comman
         created: format!("2026-01-01T00:00:{second:02}.000Z"),
         command,
         stages: vec![stage],
+        stopped: stopped.iter().map(|name| (*name).to_owned()).collect(),
         ..Run::default()
     };
     store.put_run(&run).unwrap();
     artifact
+}
+
+#[test]
+fn runs_that_were_stopped_are_kept_and_not_counted() {
+    let (folder, store) = store();
+    let file = folder.path().join("p.yaml");
+    std::fs::write(&file, "").unwrap();
+    let run = |second: u8, stopped: &[&str]| ran_until(&store, second, ("p", &file), Command::Run, stopped);
+    let [oldest, complete] = [1, 2].map(|second| run(second, &[]));
+    let stopped = run(3, &["t"]);
+    assert_eq!(removed_by(&store, 2, None).0, []);
+    assert_eq!(removed_by(&store, 1, None).0, [oldest]);
+    let (all, _) = removed_by(&store, 0, None);
+    assert_eq!(all.len(), 3);
+    // However much is to be freed, the last run and the last complete one stay.
+    let (freed, _) = removed_by(&store, 2, Some(u64::MAX));
+    assert_eq!(freed, [oldest]);
+    assert!(!freed.contains(&complete) && !freed.contains(&stopped));
 }
 
 fn removed_by(store: &Store, runs: usize, free: Option<u64>) -> (Vec<ArtifactId>, Vec<std::path::PathBuf>) {
