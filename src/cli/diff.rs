@@ -378,7 +378,7 @@ mod tests {
                     Canonical::map([("units", Canonical::map(groups))])
                 }
             };
-            side.add_stage("a", "sample", Some(parameters));
+            side.add_stage(["a", "sample"], Some(parameters), &["mask"; 0]);
             side
         };
         let told = |from: &[(u64, u64)], to: &[(u64, u64)]| -> Vec<String> {

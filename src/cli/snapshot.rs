@@ -12,8 +12,15 @@ use deaflow_store::{Artifact, LockFile, Record, Run, Store, StoreError};
 /// The prefix of parameters that come from the scene.
 const SCENE: &str = "scene.";
 
-/// Name, kind and parameters of a stage; the parameters are missing if their record is gone.
-type NamedStage = (String, String, Option<Canonical>);
+/// A stage of a snapshot.
+struct NamedStage {
+    name: String,
+    kind: String,
+    /// Missing if their record is gone.
+    parameters: Option<Canonical>,
+    /// The parameters that it has from the scene.
+    from_scene: Vec<String>,
+}
 
 /// One side of a comparison.
 pub struct Snapshot {
@@ -48,8 +55,8 @@ impl Snapshot {
 
     /// Returns the names of the stages whose parameters are unknown.
     pub fn without_parameters(&self) -> impl Iterator<Item = &str> {
-        let unknown = self.stages.iter().filter(|(.., parameters)| parameters.is_none());
-        unknown.map(|(name, ..)| name.as_str())
+        let unknown = self.stages.iter().filter(|stage| stage.parameters.is_none());
+        unknown.map(|stage| stage.name.as_str())
     }
 
     /// Whether a path belongs to a stage whose parameters are unknown.
@@ -61,9 +68,19 @@ impl Snapshot {
         self.without_parameters().any(of_stage)
     }
 
-    /// Adds a stage.
-    pub fn add_stage(&mut self, name: &str, kind: &str, parameters: Option<Canonical>) {
-        self.stages.push((name.to_owned(), kind.to_owned(), parameters));
+    /// Adds a stage, of which the parameters `from_scene` are those of the scene.
+    pub fn add_stage(
+        &mut self,
+        [name, kind]: [&str; 2],
+        parameters: Option<Canonical>,
+        from_scene: &[impl AsRef<str>],
+    ) {
+        self.stages.push(NamedStage {
+            name: name.to_owned(),
+            kind: kind.to_owned(),
+            parameters,
+            from_scene: from_scene.iter().map(|key| key.as_ref().to_owned()).collect(),
+        });
     }
 
     /// Splits the name of a result into its stage and the result. Names of stages may have dots.
@@ -72,7 +89,7 @@ impl Snapshot {
             let result = name.strip_prefix(stage)?.strip_prefix('.')?;
             Some((&name[..stage.len()], result))
         };
-        let found = self.stages.iter().filter_map(|(stage, ..)| of(stage));
+        let found = self.stages.iter().filter_map(|stage| of(&stage.name));
         found
             .max_by_key(|(stage, _)| stage.len())
             .or_else(|| name.split_once('.'))
@@ -83,56 +100,52 @@ impl Snapshot {
     /// it,
     /// otherwise `stages.NAME.scene.drive.voltage`.
     pub fn parameters(&self) -> BTreeMap<String, Canonical> {
-        by_path(&self.stages)
+        by_path(self.stages.iter().map(|stage| (stage, stage.parameters.clone())))
     }
 
     /// Returns the parameters as they are written in a pipeline, to name what differs from another snapshot.
     pub fn written_parameters(&self, other: &Self) -> BTreeMap<String, Canonical> {
         let kinds = stage::registry().kinds;
-        let written = |(name, kind, parameters): &NamedStage| {
-            let own = parameters.as_ref()?;
-            let same = other.stages.iter().find(|(known, of, _)| (known, of) == (name, kind));
-            let theirs = same.and_then(|(.., theirs)| theirs.as_ref()).unwrap_or(own);
-            let kind = kinds.iter().find(|known| known.name() == kind)?;
+        let written = |stage: &NamedStage| {
+            let own = stage.parameters.as_ref()?;
+            let is_same = |one: &&NamedStage| (&one.name, &one.kind) == (&stage.name, &stage.kind);
+            let same = other.stages.iter().find(is_same);
+            let theirs = same.and_then(|same| same.parameters.as_ref()).unwrap_or(own);
+            let Some(kind) = kinds.iter().find(|known| known.name() == stage.kind) else {
+                return Some(own.clone());
+            };
             let [written, _] = kind.as_written([own, theirs]);
             Some(written)
         };
-        let stages = self.stages.iter();
-        let stages = stages.map(|stage| {
-            (
-                stage.0.clone(),
-                stage.1.clone(),
-                written(stage).or_else(|| stage.2.clone()),
-            )
-        });
-        by_path(&stages.collect::<Vec<_>>())
+        by_path(self.stages.iter().map(|stage| (stage, written(stage))))
     }
 }
 
 /// Returns parameters of stages by the paths of `--set`, as [`Snapshot::parameters`].
-fn by_path(stages: &[NamedStage]) -> BTreeMap<String, Canonical> {
+fn by_path<'s>(stages: impl Iterator<Item = (&'s NamedStage, Option<Canonical>)>) -> BTreeMap<String, Canonical> {
     let mut all = BTreeMap::new();
-    let mut of_scene: BTreeMap<String, Vec<(&str, &Canonical)>> = BTreeMap::new();
-    for (name, kind, parameters) in stages {
-        all.insert(format!("stages.{name}.kind"), Canonical::from(kind.as_str()));
+    let mut of_scene: BTreeMap<String, Vec<(&str, Canonical)>> = BTreeMap::new();
+    for (stage, parameters) in stages {
+        let name = stage.name.as_str();
+        all.insert(format!("stages.{name}.kind"), Canonical::from(stage.kind.as_str()));
         for (path, value) in parameters.iter().flat_map(Canonical::leaves) {
-            let path = as_set(&path).to_owned();
             if !is_of_users(&path) {
                 continue;
             }
+            let path = as_set(&path, &stage.from_scene).into_owned();
             match path.starts_with(SCENE) {
-                true => of_scene.entry(path).or_default().push((name, value)),
+                true => of_scene.entry(path).or_default().push((name, value.clone())),
                 false => drop(all.insert(format!("stages.{name}.{path}"), value.clone())),
             }
         }
     }
     for (path, values) in of_scene {
-        let first = values[0].1;
-        if values.iter().all(|(_, value)| *value == first) {
+        let first = &values[0].1;
+        if values.iter().all(|(_, value)| value == first) {
             all.insert(path, first.clone());
         } else {
             let each = values.into_iter();
-            all.extend(each.map(|(name, value)| (format!("stages.{name}.{path}"), value.clone())));
+            all.extend(each.map(|(name, value)| (format!("stages.{name}.{path}"), value)));
         }
     }
     all
@@ -216,7 +229,8 @@ impl<'a> SnapshotReader<'a> {
         let mut snapshot = Snapshot::new(format!("run {id} of {} at {created}", run.pipeline));
         for stage in &run.stages {
             let record = self.store.record(&stage.key)?.record();
-            self.stage(&mut snapshot, &stage.name, &stage.kind, record.as_ref());
+            let both = [stage.name.as_str(), &stage.kind];
+            Self::stage(&mut snapshot, both, record.as_ref(), &stage.from_scene);
         }
         Ok(snapshot)
     }
@@ -240,7 +254,7 @@ impl<'a> SnapshotReader<'a> {
         snapshot.can_be_set = true;
         for (spec, report) in pipeline.stages.iter().zip(&reports) {
             let parameters = Some(spec.stage().parameters());
-            snapshot.add_stage(&spec.name, spec.kind.name(), parameters);
+            snapshot.add_stage([&spec.name, spec.kind.name()], parameters, spec.from_scene);
             match report.digest.filter(|_| report.why.is_none()) {
                 Some(digest) => self.results(&mut snapshot, &spec.name, &digest),
                 None => snapshot.unknown.push(format!("results of `{}`: not built", spec.name)),
@@ -258,7 +272,7 @@ impl<'a> SnapshotReader<'a> {
                 .as_ref()
                 .map_or("", |record| record.action.kind.as_str())
                 .to_owned();
-            self.stage(&mut snapshot, name, &kind, record.as_ref());
+            Self::stage(&mut snapshot, [name, &kind], record.as_ref(), &[]);
             self.results(&mut snapshot, name, &stage.artifact);
         }
         Ok(snapshot)
@@ -282,19 +296,19 @@ impl<'a> SnapshotReader<'a> {
         let kind = artifact.kind().to_owned();
         let mut snapshot = Snapshot::new(format!("artifact {} ({kind})", artifact.digest().short()));
         // Stages are named by kind, so that artifacts of stages with different names can be compared.
-        self.stage(&mut snapshot, &kind, &kind, record.as_ref());
+        Self::stage(&mut snapshot, [&kind, &kind], record.as_ref(), &[]);
         self.results_of(&mut snapshot, &kind, &artifact);
         Ok(snapshot)
     }
 
-    fn stage(&self, snapshot: &mut Snapshot, name: &str, kind: &str, record: Option<&Record>) {
+    fn stage(snapshot: &mut Snapshot, [name, kind]: [&str; 2], record: Option<&Record>, from_scene: &[String]) {
         let parameters = record.map(|record| record.action.parameters.clone());
         if parameters.is_none() {
             snapshot
                 .unknown
                 .push(format!("parameters of `{name}` in {}: no record", snapshot.title));
         }
-        snapshot.add_stage(name, kind, parameters);
+        snapshot.add_stage([name, kind], parameters, from_scene);
     }
 
     /// Reads the results of a stage from its artifact, if it exists.

@@ -101,6 +101,12 @@ pub trait Kind: Sync {
         both.map(Canonical::clone)
     }
 
+    /// Returns the parameters that a stage has from the scene, by the keys of its own that it could have in their place.
+    fn scene_parameters(&self, stage: &Node) -> &'static [&'static str] {
+        let _ = stage;
+        &[]
+    }
+
     /// Returns the results of a finished artifact as numbers by name, such as `max_displacement` or `rmse.physics`.
     /// They are written into the history of runs, compared between runs and collected in tables.
     ///

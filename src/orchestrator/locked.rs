@@ -40,6 +40,12 @@ fn other_key(
     lock: &LockFile,
     locked: &LockedStage,
 ) -> Result<Option<LockDifference>, StoreError> {
+    if let Some(from) = &spec.scene_from
+        && let Some(made) = lock.stages.get(&pipeline.stages[from.index].name)
+    {
+        let maker = pipeline.stages[from.index].kind;
+        from.read(spec.kind, maker, &made.artifact, &|| store.artifact(&made.artifact));
+    }
     if spec.unknown_scene().is_some() {
         // Its artifact is compared when it is built.
         return Ok(None);
@@ -60,6 +66,7 @@ fn other_key(
     }
     let current = Current {
         recipe: spec.recipe(),
+        from_scene: spec.from_scene,
         kind: spec.kind,
         parameters: &parameters,
         inputs: &inputs,

@@ -64,6 +64,8 @@ pub struct StageSpec {
     pub gates: Vec<usize>,
     /// Its own scene, if it differs from that of the pipeline.
     pub scene: Option<Node>,
+    /// The parameters that it has from the scene, see [`Kind::scene_parameters`].
+    pub from_scene: &'static [&'static str],
     /// The files that it names, relative to the file of the pipeline.
     pub files: Vec<String>,
     /// The result of checking it before a run.
@@ -358,6 +360,7 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Resu
             needs: places(false),
             gates: places(true),
             scene: own_scene.cloned(),
+            from_scene: entry.kind.scene_parameters(&node),
             files: entry.kind.files(entry.node),
             check: StageCheck::default(),
             scene_from: entry

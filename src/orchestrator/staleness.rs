@@ -1,5 +1,6 @@
 //! The reasons why a stage has to be built.
 
+use std::borrow::Cow;
 use std::fmt;
 
 use super::kind::Kind;
@@ -66,6 +67,8 @@ pub struct Current<'a> {
     pub recipe: u32,
     /// Its kind.
     pub kind: &'a dyn Kind,
+    /// The parameters that it has from the scene.
+    pub from_scene: &'a [&'a str],
     /// Canonical parameters.
     pub parameters: &'a Canonical,
     /// Names of the stages that it needs, with their digests as far as known.
@@ -87,11 +90,15 @@ impl Staleness {
         };
         let both = [current.parameters, &previous.action.parameters];
         let [now, then] = current.kind.as_written(both);
-        let mut all = parameters_changed(&now, &then);
+        let changed = |which: fn(&str) -> bool| parameters_changed([&now, &then], current.from_scene, which);
+        let mut all = changed(is_of_users);
         // What follows from changed parameters is no reason of its own. A smaller number is that of an older kind.
         let follows = !all.is_empty() && previous.action.recipe >= current.kind.recipe();
         all.extend(recipe_changed(current.recipe, previous.action.recipe).filter(|_| !follows));
         all.extend(inputs_changed(current.inputs, &previous.action.inputs, run));
+        if all.is_empty() {
+            all = changed(|_| true);
+        }
         if all.is_empty() {
             all.push(Self::NoRecord);
         }
@@ -105,8 +112,8 @@ impl Staleness {
     }
 }
 
-fn parameters_changed(now: &Canonical, then: &Canonical) -> Vec<Staleness> {
-    let (now, then) = (now.leaves(), then.leaves());
+fn parameters_changed(both: [&Canonical; 2], from_scene: &[&str], which: fn(&str) -> bool) -> Vec<Staleness> {
+    let [now, then] = both.map(Canonical::leaves);
     let absent = || "none".to_owned();
     let value = |leaves: &[(String, &Canonical)], path: &str| {
         let found = leaves.iter().find(|(other, _)| other == path);
@@ -120,9 +127,9 @@ fn parameters_changed(now: &Canonical, then: &Canonical) -> Vec<Staleness> {
     let dropped = dropped.filter(|(path, value)| !is_filled(path, value, now.iter().map(|(path, _)| path)));
     changed
         .chain(dropped)
-        .filter(|(path, _)| is_of_users(path))
+        .filter(|(path, _)| which(path))
         .map(|(which, _)| Staleness::ParameterChanged {
-            which: as_set(which).to_owned(),
+            which: as_set(which, from_scene).into_owned(),
             from: value(&then, which),
             to: value(&now, which),
         })
@@ -130,20 +137,21 @@ fn parameters_changed(now: &Canonical, then: &Canonical) -> Vec<Staleness> {
 }
 
 /// Parameters of stages that follow from others, and that users do not set: they separate results from those of earlier
-/// versions.
-const NOT_SET: [&str; 6] = [
+/// versions, or come from a sweep.
+const NOT_SET: [&str; 7] = [
     "area_scale",
     "devices",
     "intuitive",
     "known_elastomer",
     "leads",
     "pull_in_meshes",
+    "rows",
 ];
 
 /// Whether a canonical parameter of a stage is one that users set, by its path.
 #[must_use]
 pub fn is_of_users(path: &str) -> bool {
-    !NOT_SET.contains(&as_set(path))
+    !NOT_SET.contains(&of_stage(path))
 }
 
 /// Whether a value is an empty mapping that has entries on the other side, whose paths show the change.
@@ -152,10 +160,21 @@ pub fn is_filled<'a>(path: &str, value: &Canonical, mut others: impl Iterator<It
     matches!(value, Canonical::Map(map) if map.is_empty()) && others.any(is_within)
 }
 
-/// Returns the path of a canonical parameter for `--set`: chunked stages have common parameters under `stage`.
-#[must_use]
-pub fn as_set(path: &str) -> &str {
+/// Returns the path of a canonical parameter in its stage: chunked stages have common parameters under `stage`.
+fn of_stage(path: &str) -> &str {
     path.strip_prefix("stage.").unwrap_or(path)
+}
+
+/// Returns the path of a canonical parameter for `--set`: after `stages.NAME.`, or from `scene.` on. `from_scene` are
+/// the parameters that the stage has from the scene.
+#[must_use]
+pub fn as_set<'p>(path: &'p str, from_scene: &[impl AsRef<str>]) -> Cow<'p, str> {
+    let path = of_stage(path);
+    let key = path.split('.').next();
+    match from_scene.iter().any(|one| Some(one.as_ref()) == key) {
+        true => Cow::Owned(format!("scene.{path}")),
+        false => Cow::Borrowed(path),
+    }
 }
 
 fn recipe_changed(now: u32, then: u32) -> Option<Staleness> {
@@ -226,6 +245,7 @@ mod tests {
             let current = Current {
                 recipe: 13,
                 kind: &&KIND,
+                from_scene: &["mask"],
                 parameters: &parameters,
                 inputs: &[],
             };
@@ -252,7 +272,7 @@ mod tests {
             stage(Canonical::map([("min_feature", 3_u64.into())]), Some(2)),
         );
         let told = |now: &Canonical, then: &Canonical| {
-            let changes = parameters_changed(now, then).into_iter();
+            let changes = parameters_changed([now, then], &[], is_of_users).into_iter();
             changes.map(|change| change.to_string()).collect::<Vec<_>>()
         };
         assert_eq!(

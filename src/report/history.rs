@@ -322,6 +322,7 @@ mod tests {
             key: ActionKey::of(artifact.as_bytes()),
             artifact: id(artifact),
             outcome: *outcome,
+            from_scene: Vec::new(),
         };
         Run {
             id: name.to_owned(),

@@ -23,7 +23,7 @@ use deaflow_base::{Canonical, Declared, Document, Fields, InputError, Map, Node,
 use deaflow_content::Designs;
 use deaflow_design::{
     CaseLabel, ConstraintParameters, DesignTask, Front, FrontObjective, Method, Objective, PlannedDesign, ResponseKind,
-    Search, SearchError, SearchOptions, Target, Targets,
+    SINGLE_NAME, Search, SearchError, SearchOptions, Target, Targets,
 };
 use deaflow_fem::effects::breakdown_ratio_at_rest;
 use deaflow_fem::{Method as Evaluation, Swing, ThreeSolves, check_covered_cells, no_pattern_limit, revision_of};
@@ -111,6 +111,50 @@ impl DesignParameters {
     }
 }
 
+/// Returns the parameters of a stage with its targets by name, those of a single one by the keys of the stage. A target
+/// that `other` parameters lack is one value. `None` without targets.
+fn targets_by_name(parameters: &Canonical, other: &Canonical) -> Option<Canonical> {
+    let (own, other) = (named_targets(parameters)?, named_targets(other).unwrap_or_default());
+    let Canonical::Map(mut all) = parameters.clone() else {
+        return None;
+    };
+    all.remove("targets");
+    let is_single = |targets: &[(&str, BTreeMap<String, Canonical>)]| matches!(targets, [(SINGLE_NAME, _)]);
+    if is_single(&own) && is_single(&other) {
+        all.extend(own.into_iter().flat_map(|(_, target)| target));
+        return Some(Canonical::Map(all));
+    }
+    let by_name = own.into_iter().map(|(name, target)| {
+        let (target, is_known) = (Canonical::Map(target), other.iter().any(|(known, _)| *known == name));
+        match is_known {
+            true => (name, target),
+            false => (name, Canonical::Text(target.to_string())),
+        }
+    });
+    all.insert("targets".to_owned(), Canonical::map(by_name));
+    Some(Canonical::Map(all))
+}
+
+/// Returns the targets in the parameters of a stage: names, and everything else.
+fn named_targets(parameters: &Canonical) -> Option<Vec<(&str, BTreeMap<String, Canonical>)>> {
+    let Canonical::Map(all) = parameters else { return None };
+    let Canonical::List(targets) = all.get("targets")? else {
+        return None;
+    };
+    let named = targets.iter().map(|target| {
+        let Canonical::Map(target) = target else { return None };
+        let Canonical::Text(name) = target.get("name")? else {
+            return None;
+        };
+        let others = target.iter().filter(|(key, _)| *key != "name");
+        Some((
+            name.as_str(),
+            others.map(|(key, value)| (key.clone(), value.clone())).collect(),
+        ))
+    });
+    named.collect()
+}
+
 impl Kind for DesignKind {
     fn name(&self) -> &'static str {
         "design"
@@ -129,6 +173,11 @@ impl Kind for DesignKind {
             "stage.units",
             "stage.scene.effects",
         ]
+    }
+
+    fn as_written(&self, both: [&Canonical; 2]) -> [Canonical; 2] {
+        let [now, then] = both;
+        [(now, then), (then, now)].map(|(own, other)| targets_by_name(own, other).unwrap_or_else(|| own.clone()))
     }
 
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {

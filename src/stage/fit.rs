@@ -47,7 +47,7 @@ impl Kind for FitKind {
     fn as_written(&self, both: [&Canonical; 2]) -> [Canonical; 2] {
         both.map(|parameters| {
             let mut written = parameters.clone();
-            scene::in_percent(&mut written, &["scene", "tolerances"]);
+            scene::write_tolerances(&mut written, &["scene", "tolerances"]);
             written
         })
     }

@@ -2,13 +2,13 @@
 
 use miette::Diagnostic;
 
-use deaflow_base::{Canonical, Fields, InputError, Node, Schema};
+use deaflow_base::{Canonical, Fields, InputError, Node, Parameter, Schema};
 use deaflow_content::StoredAttribute;
 use deaflow_dataset::Device;
 use deaflow_fem::SetupError;
 use deaflow_fem::effects::Model;
 use deaflow_orchestrator::{StageError, axes_in};
-use deaflow_scene::{Difference, Outline, Scene, States, material_file, splice_material};
+use deaflow_scene::{Difference, Distribution, Outline, Scene, States, material_file, splice_material};
 use deaflow_store::Artifact;
 
 /// The key of the state of a stage that simulates one drive.
@@ -129,6 +129,25 @@ pub fn in_percent(parameters: &mut Canonical, path: &[&str]) {
             }
         }
         _ => {}
+    }
+}
+
+/// Writes tolerances in parameters, at a path, as files have them: shares in per cent, and each factor in one value.
+pub fn write_tolerances(parameters: &mut Canonical, path: &[&str]) {
+    in_percent(parameters, path);
+    let tolerances = path.iter().try_fold(parameters, |within, key| match within {
+        Canonical::Map(entries) => entries.get_mut(*key),
+        _ => None,
+    });
+    let Some(Canonical::Map(tolerances)) = tolerances else {
+        return;
+    };
+    let normal = Distribution::Normal.canonical();
+    for tolerance in tolerances.values_mut() {
+        let Canonical::Map(factor) = &*tolerance else { continue };
+        let is_normal = factor.get("distribution") == normal.as_ref();
+        let short = factor.get("relative").filter(|_| is_normal).cloned();
+        *tolerance = short.unwrap_or_else(|| Canonical::Text(tolerance.to_string()));
     }
 }
 

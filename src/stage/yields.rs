@@ -145,9 +145,16 @@ impl Kind for YieldKind {
         both.map(|parameters| {
             let mut written = parameters.clone();
             scene::in_percent(&mut written, &["wanted"]);
-            scene::in_percent(&mut written, &["tolerances"]);
+            scene::write_tolerances(&mut written, &["tolerances"]);
             written
         })
+    }
+
+    fn scene_parameters(&self, stage: &Node) -> &'static [&'static str] {
+        match stage.peek("tolerances") {
+            None => &["tolerances"],
+            Some(_) => &[],
+        }
     }
 
     fn needs(&self) -> Needs {

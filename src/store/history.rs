@@ -136,6 +136,9 @@ pub struct RunStage {
     /// Whether it was built or reused.
     #[serde(default)]
     pub outcome: StageOutcome,
+    /// The parameters that it had from the scene and could have had of its own.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub from_scene: Vec<String>,
 }
 
 impl Run {

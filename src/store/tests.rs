@@ -413,6 +413,7 @@ fn run_at(second: u32, pipeline: &str, stage: &str, artifact: &str) -> Run {
             key: ActionKey::of(b"key"),
             artifact: ArtifactId::of(artifact.as_bytes()),
             outcome: StageOutcome::Reused,
+            from_scene: Vec::new(),
         }],
         ..Run::default()
     }
@@ -605,6 +606,7 @@ fn ran_until(
         key: ActionKey::of(&[second]),
         artifact,
         outcome: StageOutcome::Built,
+        from_scene: Vec::new(),
     };
     let run = Run {
         pipeline: name.into(),

@@ -338,3 +338,84 @@ stages:
     workspace.write("half.csv", "1,0\n");
     refused("stages.own={ kind: patterns, files: [half.csv] }", "half.csv");
 }
+
+#[test]
+fn changed_tolerances_are_named_where_the_file_has_them() {
+    let workspace = Workspace::new();
+    let stress = |stretch: f64| 45.0 * (stretch - stretch.powi(-2));
+    let pulls = (1..12).map(|at| 1.0 + f64::from(at) / 6.0);
+    let pulls: String = pulls.map(|pull| format!("{pull:.4},{:.4}\n", stress(pull))).collect();
+    workspace.write("pull.csv", &format!("stretch,nominal_stress (kPa)\n{pulls}"));
+    let pipeline = |thickness: &str| {
+        format!(
+            "version: 1
+name: made
+scene: {{ {}, tolerances: {{ thickness: {thickness}, mask: 0.15 mm }} }}
+stages:
+  pulled: {{ kind: measure, files: [{{ file: pull.csv, test: uniaxial, sigma: 3 % }}] }}
+  fitted: {{ kind: fit, needs: [pulled], laws: [neo-hookean], branches: 0 }}
+  best: {{ kind: design, method: adjoint, starts: 1, seed: 1,
+    objective: {{ point: [25 mm, 25 mm], direction: 0 deg, robust: {{ mean_minus: 1 }} }} }}
+  made: {{ kind: yield, needs: [best], samples: 20, seed: 1 }}
+  masks: {{ kind: yield, needs: [best], samples: 20, seed: 1, tolerances: {{ mask: 0.3 mm }} }}
+  own: {{ kind: yield, needs: [best], samples: 20, seed: 1, scene: {{ from: fitted }} }}
+",
+            SCENE.trim().replace('\n', ", ").replace("5.25 kV", "4 kV")
+        )
+    };
+    workspace.write("made.yaml", &pipeline("3 %"));
+    run(&workspace, &["--lock"]);
+    let why = |sets: &[&str], stage: &str| {
+        let sets: Vec<&str> = sets.iter().flat_map(|set| ["--set", set]).collect();
+        let plan = workspace.run(&[&["plan", "made.yaml", "--json"], &sets[..]].concat());
+        let plan = plan.json();
+        let stages = plan["stages"].as_array().unwrap();
+        let found = stages.iter().find(|one| one["name"] == stage).unwrap().clone();
+        found["why"].clone()
+    };
+    let thicker = "scene.tolerances.thickness=4 %";
+    let changed = "parameter changed: scene.tolerances.thickness from 3 % to 4 %";
+    assert_eq!(why(&[thicker], "made"), changed);
+    assert_eq!(why(&[thicker], "fitted"), changed);
+    assert_eq!(why(&[thicker], "masks"), Value::Null);
+    let own = ["stages.masks.tolerances.mask=0.2 mm"];
+    assert_eq!(
+        why(&own, "masks"),
+        "parameter changed: tolerances.mask from 0.3 mm to 0.2 mm"
+    );
+    let lognormal = ["scene.tolerances.thickness={ relative: 4 %, distribution: lognormal }"];
+    let changed = "parameter changed: scene.tolerances.thickness from 3 % to {distribution: lognormal, relative: 4 %}";
+    assert_eq!(why(&lognormal, "made"), changed);
+    let changed = "parameter changed: objective.robust.mask from 0.15 mm to 0.2 mm";
+    assert_eq!(why(&["scene.tolerances.mask=0.2 mm"], "best"), changed);
+
+    // The scene of a stage is that of the lock file, so that what differs is named before any work.
+    let locked = workspace.run(&["run", "made.yaml", "--locked", "--set", "stages.own.samples=30"]);
+    assert_eq!(locked.code, Some(6), "{locked}");
+    let named = "stage `own` differs from the lock file: parameter changed: samples from 20 to 30";
+    assert!(locked.stderr.contains(named), "{locked}");
+
+    run(&workspace, &["--set", thicker]);
+    let log = || {
+        let ended = workspace.run(&["log", "made.yaml"]);
+        assert_eq!(ended.code, Some(0), "{ended}");
+        ended.stdout
+    };
+    assert!(!log().contains("changed in the files"), "{}", log());
+    let diff = workspace.run(&["diff", "@2", "@1", "--json"]).json();
+    let names: Vec<&str> = diff["parameters"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter_map(|one| one["path"].as_str())
+        .collect();
+    assert_eq!(names, ["scene.tolerances.thickness.relative"]);
+    run(&workspace, &[]);
+    workspace.write("made.yaml", &pipeline("2 %"));
+    run(&workspace, &[]);
+    let changed = "changed in the files: scene.tolerances.thickness from 3 % to 2 %";
+    assert!(log().contains(changed), "{}", log());
+    // The mask of a robust objective is that of the scene.
+    run(&workspace, &["--set", "scene.tolerances.mask=0.2 mm"]);
+    assert_eq!(log().matches("changed in the files").count(), 1, "{}", log());
+}

@@ -99,7 +99,7 @@ impl<'s> RecordedValues<'s> {
                     let parameters = self.parameters(stage)?.iter();
                     values.extend(
                         parameters
-                            .filter(|(path, _)| as_set(path) == own)
+                            .filter(|(path, _)| as_set(path, &stage.from_scene) == own)
                             .map(|(_, value)| value.clone()),
                     );
                 }
@@ -118,7 +118,7 @@ const AREA: &str = "area";
 /// Returns the area of a design stage with one target: files have it beside the keys of the stage, records in a list of
 /// targets.
 fn area_of_only_target<'v>(path: &str, value: &'v Canonical) -> Option<&'v Canonical> {
-    match (as_set(path), value) {
+    match (path, value) {
         ("targets", Canonical::List(targets)) => match &targets[..] {
             [Canonical::Map(only)] => only.get(AREA),
             _ => None,

@@ -54,6 +54,7 @@ fn fill(root: &Path) -> ActionKey {
         key: record.key,
         artifact,
         outcome: StageOutcome::Built,
+        from_scene: Vec::new(),
     };
     store
         .put_run(&Run {
