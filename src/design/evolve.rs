@@ -31,7 +31,7 @@ pub use options::{EvolveOptions, OptionsError};
 pub use result::{Evolution, FrontReport, GenerationReport, Observer, Stop, Winner};
 
 use super::constraint::Constraints;
-use super::genome::{Genome, UNITS, unit_of};
+use super::genome::{Genome, Units};
 use super::objective::{Goal, RoughScore};
 use checkpoint::Checkpoint;
 use deaflow_base::{Stopped, Stream};
@@ -106,28 +106,15 @@ pub(crate) fn first_generation_of(goal: &Goal, constraints: &Constraints, seed: 
 
 /// A first generation with random areas between two.
 fn generation_within([least, most]: [f64; 2], constraints: &Constraints, seed: u64, population: usize) -> Vec<Genome> {
-    let allowed = allowed_units(constraints);
+    let units = Units::of(constraints.allowed());
     let free = constraints.free_count() as f64 / constraints.membrane().raster.cells() as f64;
     let random = |index| {
         let mut stream = Stream::new(seed, "first generation", index);
         let grain = stream.index(COARSEST + 1);
         let area = if least < most { stream.range(least, most) } else { least };
-        Genome::random_within(&allowed, free * area, constraints.groups(), grain, &mut stream)
+        Genome::random_within(&units, free * area, constraints.groups(), grain, &mut stream)
     };
     (0..population as u64).map(random).collect()
-}
-
-/// The units with at least one cell that the constraints allow.
-fn allowed_units(constraints: &Constraints) -> Genome {
-    let allowed = constraints.allowed();
-    let [columns, rows] = allowed.sides();
-    let mut units = [false; UNITS * UNITS];
-    let cells = (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
-    for (x, y) in cells.filter(|&(x, y)| allowed.has(x, y)) {
-        let [x, y] = unit_of(allowed.raster(), [x, y]);
-        units[y * UNITS + x] = true;
-    }
-    Genome::from_fn(|x, y| units[y * UNITS + x])
 }
 
 /// Searches for the patterns with the smallest F. The observer receives a report and a checkpoint after every

@@ -2,12 +2,12 @@
 //!
 //! The source paper searches on 20 × 20 units (Qin et al., doi 10.1089/soro.2024.0063, "GA-based inverse design")
 //! while patterns have 50 × 50 cells: cell i lies in unit floor(i · 20 / 50), so units are alternately 3 and 2 cells
-//! wide. Other rasters are divided in the same way; with fewer than 20 columns or rows, some units contain no cell.
+//! wide. Other rasters are divided in the same way; with fewer than 20 columns or rows, several units share a cell.
 
 use std::fmt;
 
 use deaflow_base::Stream;
-use deaflow_pattern::{Pattern, Raster};
+use deaflow_pattern::{Bits, Pattern, Raster};
 
 /// Units along one side of the membrane.
 pub const UNITS: usize = 20;
@@ -36,7 +36,7 @@ impl Genome {
     /// A random genome with one group, all units allowed.
     #[cfg(test)]
     pub(crate) fn random(area: f64, grain: usize, stream: &mut Stream) -> Self {
-        Self::random_within(&Self::from_fn(|_, _| true), area, 1, grain, stream)
+        Self::random_within(&Units::all(), area, 1, grain, stream)
     }
 
     /// A random genome: round(`area` · 400) of the `allowed` units are on, or all of them if they are fewer.
@@ -44,23 +44,26 @@ impl Genome {
     /// White noise is averaged over 3 × 3 units `grain` times, and the units with the highest values are on. At grain
     /// 0 each choice of units is equally likely; a higher grain gives coarser regions. The units are divided into
     /// groups by a second noise of the same grain; the share of each group is random.
-    pub(super) fn random_within(allowed: &Self, area: f64, groups: usize, grain: usize, stream: &mut Stream) -> Self {
+    pub(super) fn random_within(units: &Units, area: f64, groups: usize, grain: usize, stream: &mut Stream) -> Self {
         let mut noise = || {
             let white: Vec<f64> = (0..UNITS * UNITS).map(|_| stream.uniform()).collect();
-            (0..grain).fold(white, |noise, _| averaged(&noise))
+            let noise = (0..grain).fold(white, |noise, _| averaged(&noise));
+            units.shared(noise)
         };
         let rank = |units: &mut Vec<usize>, noise: &[f64]| {
             units.sort_by(|&a, &b| noise[b].total_cmp(&noise[a]).then(a.cmp(&b)));
         };
         let values = noise();
         let on = (area.clamp(0.0, 1.0) * values.len() as f64).round() as usize;
-        let mut ranked: Vec<usize> = (0..values.len()).filter(|&unit| allowed.genes[unit] != 0).collect();
+        let mut ranked: Vec<usize> = (0..values.len())
+            .filter(|&unit| units.allowed.genes[unit] != 0)
+            .collect();
         rank(&mut ranked, &values);
         ranked.truncate(on);
         let mut genes = vec![0; values.len()].into_boxed_slice();
         if groups == 1 {
             ranked.into_iter().for_each(|unit| genes[unit] = 1);
-            return Self { genes };
+            return units.unified(Self { genes });
         }
         rank(&mut ranked, &noise());
         let shares: Vec<f64> = (0..groups).map(|_| stream.uniform()).collect();
@@ -74,7 +77,7 @@ impl Genome {
                 genes[unit] = group as u8 + 1;
             }
         }
-        Self { genes }
+        units.unified(Self { genes })
     }
 
     /// All genes, `[y][x]` with the origin at the lower left.
@@ -125,15 +128,6 @@ impl Genome {
         is_valid.then_some(Self { genes })
     }
 
-    /// The genome with all units bare that are not allowed.
-    pub(super) fn within(mut self, allowed: &Self) -> Self {
-        let units = self.genes.iter_mut().zip(&allowed.genes);
-        units
-            .filter(|(_, allowed)| **allowed == 0)
-            .for_each(|(gene, _)| *gene = 0);
-        self
-    }
-
     /// The pattern on a raster.
     #[must_use]
     pub fn pattern(&self, raster: Raster) -> Pattern {
@@ -142,6 +136,74 @@ impl Genome {
             .sides()
             .map(|cells| (0..cells).map(|at| unit_along(cells, at)).collect::<Vec<_>>());
         Pattern::from_groups(raster, |x, y| self.genes[rows[y] * UNITS + columns[x]])
+    }
+}
+
+/// The units of a membrane.
+pub(super) struct Units {
+    /// Those that may be on.
+    allowed: Genome,
+    /// The unit that contains the cell of each unit, on a raster with fewer than 20 columns or rows: units that share a
+    /// cell have the gene of that one.
+    owners: Option<Box<[usize]>>,
+}
+
+impl Units {
+    /// The units of a raster with 20 or more columns and rows, which all may be on.
+    pub fn all() -> Self {
+        Self {
+            allowed: Genome::from_fn(|_, _| true),
+            owners: None,
+        }
+    }
+
+    /// The units of which some cells may carry electrodes.
+    pub fn of(allowed: &Bits) -> Self {
+        let raster = allowed.raster();
+        let [columns, rows] = raster.sides();
+        let mut units = [false; UNITS * UNITS];
+        let cells = (0..rows).flat_map(|y| (0..columns).map(move |x| (x, y)));
+        for (x, y) in cells.filter(|&(x, y)| allowed.has(x, y)) {
+            let [x, y] = unit_of(raster, [x, y]);
+            units[y * UNITS + x] = true;
+        }
+        let owner = |unit: usize| {
+            // Of the last cell that begins in the unit or before it.
+            let along = |cells: usize, at: usize| unit_along(cells, ((at + 1) * cells - 1) / UNITS);
+            along(rows, unit / UNITS) * UNITS + along(columns, unit % UNITS)
+        };
+        let is_shared = columns.min(rows) < UNITS;
+        let owners: Option<Box<[usize]>> = is_shared.then(|| (0..UNITS * UNITS).map(owner).collect());
+        let allowed = |unit: usize| units[owners.as_ref().map_or(unit, |owners| owners[unit])];
+        Self {
+            allowed: Genome::from_fn(|x, y| allowed(y * UNITS + x)),
+            owners,
+        }
+    }
+
+    /// The values of units, those that share a cell with the value of the one that contains it.
+    pub fn shared<T: Copy>(&self, values: Vec<T>) -> Vec<T> {
+        match &self.owners {
+            Some(owners) => owners.iter().map(|owner| values[*owner]).collect(),
+            None => values,
+        }
+    }
+
+    /// The genome with equal genes where units share a cell.
+    pub fn unified(&self, genome: Genome) -> Genome {
+        Genome {
+            genes: self.shared(genome.genes.into_vec()).into_boxed_slice(),
+        }
+    }
+
+    /// The same with all units bare that are not allowed.
+    pub fn restricted(&self, genome: Genome) -> Genome {
+        let mut genome = self.unified(genome);
+        let units = genome.genes.iter_mut().zip(&self.allowed.genes);
+        units
+            .filter(|(_, allowed)| **allowed == 0)
+            .for_each(|(gene, _)| *gene = 0);
+        genome
     }
 }
 
@@ -210,9 +272,8 @@ mod tests {
 
     #[test]
     fn genomes_round_trip_through_bytes() {
-        let all = Genome::from_fn(|_, _| true);
         for groups in [1, 2, 3, 16] {
-            let genome = Genome::random_within(&all, 0.37, groups, 1, &mut Stream::new(1, "test", 3));
+            let genome = Genome::random_within(&Units::all(), 0.37, groups, 1, &mut Stream::new(1, "test", 3));
             let bytes = genome.to_bytes(groups);
             assert_eq!(bytes.len(), Genome::bytes(groups));
             assert_eq!(Genome::from_bytes(&bytes, groups), Some(genome));
@@ -222,16 +283,47 @@ mod tests {
 
     #[test]
     fn units_that_are_not_allowed_stay_off() {
-        let left = Genome::from_fn(|x, _| x < 10);
+        let left = Units {
+            allowed: Genome::from_fn(|x, _| x < 10),
+            owners: None,
+        };
         let on = |genome: &Genome| genome.genes().iter().filter(|&&g| g != 0).count();
         for (area, expected) in [(0.3, 120), (0.5, 200), (0.9, 200)] {
             let genome = Genome::random_within(&left, area, 1, 1, &mut Stream::new(1, "test", 0));
-            assert_eq!((on(&genome), genome.clone().within(&left)), (expected, genome));
+            assert_eq!((on(&genome), left.restricted(genome.clone())), (expected, genome));
         }
-        assert_eq!(on(&Genome::from_fn(|_, y| y < 10).within(&left)), 100);
+        assert_eq!(on(&left.restricted(Genome::from_fn(|_, y| y < 10))), 100);
         let several = Genome::random_within(&left, 0.3, 3, 1, &mut Stream::new(1, "test", 0));
-        assert_eq!((on(&several), several.clone().within(&left)), (120, several.clone()));
+        assert_eq!((on(&several), left.restricted(several.clone())), (120, several.clone()));
         assert!((1..=3).all(|group| several.genes().contains(&group)));
+    }
+
+    #[test]
+    fn units_that_share_a_cell_are_equal() {
+        for sides in [[10, 10], [12, 15], [1, 7]] {
+            let raster = Raster::new(sides[0], sides[1]).unwrap();
+            let right = Bits::from_fn(raster, |x, _| x >= sides[0] / 2);
+            let units = Units::of(&right);
+            // The last cell that begins in a unit or before it.
+            let cell_of = |unit: usize, cells: usize| (0..cells).rfind(|cell| cell * UNITS / cells <= unit).unwrap();
+            for seed in 0..5 {
+                let random = Genome::random_within(&units, 0.25, 1, 1, &mut Stream::new(seed, "test", 0));
+                let smoothed = units.restricted(crate::operators::smooth(&random, 1));
+                for genome in [&random, &smoothed] {
+                    let pattern = genome.pattern(raster);
+                    for (y, x) in (0..UNITS).flat_map(|y| (0..UNITS).map(move |x| (y, x))) {
+                        let [cx, cy] = [cell_of(x, sides[0]), cell_of(y, sides[1])];
+                        assert_eq!(pattern.is_active(cx, cy), genome.group(x, y) != 0);
+                        assert!(!pattern.is_active(cx, cy) || right.has(cx, cy));
+                    }
+                }
+                if sides == [10, 10] {
+                    // A quarter of the cells is on, and the filter does not remove what is not a speck.
+                    assert_eq!(random.pattern(raster).active_cells(), 25);
+                    assert!(smoothed.pattern(raster).active_cells() > 15);
+                }
+            }
+        }
     }
 
     #[test]

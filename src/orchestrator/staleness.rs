@@ -138,7 +138,7 @@ fn parameters_changed(both: [&Canonical; 2], from_scene: &[&str], which: fn(&str
 
 /// Parameters of stages that follow from others, and that users do not set: they separate results from those of earlier
 /// versions, or come from a sweep.
-const NOT_SET: [&str; 7] = [
+const NOT_SET: [&str; 8] = [
     "area_scale",
     "devices",
     "intuitive",
@@ -146,6 +146,7 @@ const NOT_SET: [&str; 7] = [
     "leads",
     "pull_in_meshes",
     "rows",
+    "units_of_cells",
 ];
 
 /// Whether a canonical parameter of a stage is one that users set, by its path.

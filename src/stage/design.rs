@@ -23,7 +23,7 @@ use deaflow_base::{Canonical, Declared, Document, Fields, InputError, Map, Node,
 use deaflow_content::Designs;
 use deaflow_design::{
     CaseLabel, ConstraintParameters, DesignTask, Front, FrontObjective, Method, Objective, PlannedDesign, ResponseKind,
-    SINGLE_NAME, Search, SearchError, SearchOptions, Target, Targets,
+    SINGLE_NAME, Search, SearchError, SearchOptions, Target, Targets, UNITS,
 };
 use deaflow_fem::effects::breakdown_ratio_at_rest;
 use deaflow_fem::{Method as Evaluation, Swing, ThreeSolves, check_covered_cells, no_pattern_limit, revision_of};
@@ -647,6 +647,11 @@ impl DesignStage {
             // Changes the key: earlier versions missed possible areas, kept groups without effect, and compared
             // designs by the symmetries of the square.
             entries.push(("devices", 2_u64.into()));
+        }
+        let sides = self.scene.membrane().raster.sides();
+        if self.options.method == Method::Ga && sides.into_iter().any(|cells| cells < UNITS) {
+            // Changes the key: earlier versions lost units without a cell of their own.
+            entries.push(("units_of_cells", 2_u64.into()));
         }
         if constraints.keep_out() {
             // Changes the key: earlier versions put intuitive designs into regions that are kept out.

@@ -507,3 +507,41 @@ fn empty_and_full_designs_are_sound_results() {
         assert!(refined["simulated_mm"].as_f64().unwrap().abs() < 0.6, "{refined}");
     }
 }
+
+#[test]
+fn the_genetic_algorithm_finds_designs_of_the_wanted_area_on_few_cells() {
+    let workspace = Workspace::new();
+    let pipeline = |cells: &str, area: &str| {
+        format!(
+            "version: 1
+name: few
+scene:
+  geometry: {{ {cells}, thickness: 1 mm, prestretch: 3 }}
+  material: {{ model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }}
+  drive: {{ voltage: 5 kV }}
+stages:
+  best: {{ kind: design, objective: {{ point: [25 mm, 25 mm], direction: 0 deg }}, area: {area}, evaluator: newton,
+    population: 100, generations: 15, seed: 1 }}
+  verified: {{ kind: verify, needs: [best], elements_per_cell: 2 }}
+"
+        )
+    };
+    for (cells, area) in [
+        ("side: 50 mm, cells: 10", 0.5),
+        ("side: 50 mm, cells: 8", 0.25),
+        ("size: [50 mm, 40 mm], cells: [25, 12]", 0.4),
+    ] {
+        workspace.write("few.yaml", &pipeline(cells, &area.to_string()));
+        let run = workspace.run(&["run", "few.yaml", "--json"]);
+        assert_eq!(run.code, Some(0), "{run}");
+        let run = run.json();
+        let rows = run["results"][0]["rows"].as_array().unwrap();
+        let row = |role: &str| rows.iter().find(|row| row["role"] == role).unwrap();
+        let (found, intuitive) = (row("ga"), row("intuitive"));
+        let number = |row: &Value, key: &str| row[key].as_f64().unwrap();
+        assert!((number(found, "area") - area).abs() < 0.03, "{cells}: {found}");
+        // Half of the membrane is intuitive and nearly the best, so that little is asked here.
+        let ratio = number(found, "simulated_mm") / number(intuitive, "simulated_mm");
+        assert!(ratio > 0.9, "{cells}: {ratio}");
+    }
+}

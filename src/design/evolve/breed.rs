@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::history::History;
 use super::search::Search;
-use crate::genome::Genome;
+use crate::genome::{Genome, Units};
 use crate::operators::{cross, exchange_groups, invert, smooth};
 use deaflow_base::Stream;
 
@@ -19,7 +19,7 @@ impl Search<'_> {
             crossover: self.options.crossover,
             mutation: self.options.mutation,
             groups: self.groups(),
-            allowed: &self.allowed,
+            units: &self.units,
         };
         let parents: Vec<&Genome> = population.iter().map(|individual| &individual.genome).collect();
         next.extend(breeding.children(&parents, self.options.population - next.len(), &mut stream));
@@ -35,8 +35,8 @@ pub(super) struct Breeding<'a> {
     pub mutation: f64,
     /// The number of electrode groups.
     pub groups: usize,
-    /// The units that may be on.
-    pub allowed: &'a Genome,
+    /// The units of the membrane.
+    pub units: &'a Units,
 }
 
 impl Breeding<'_> {
@@ -60,7 +60,10 @@ impl Breeding<'_> {
             }
         }
         children.truncate(count);
-        let finished = |child: Genome| smooth(&child, self.groups).within(self.allowed);
+        let finished = |child: Genome| {
+            let child = self.units.unified(child);
+            self.units.restricted(smooth(&child, self.groups))
+        };
         children.into_par_iter().map(finished).collect()
     }
 }

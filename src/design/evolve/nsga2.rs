@@ -15,9 +15,9 @@ use super::nsga2_checkpoint::Stored;
 use super::options::EvolveOptions;
 use super::result::{FrontReport, Observer};
 use super::search::{Batches, pattern_of, verdicts};
-use super::{EvolveError, allowed_units, first_generation, loaded};
+use super::{EvolveError, first_generation, loaded};
 use crate::constraint::Constraints;
-use crate::genome::Genome;
+use crate::genome::{Genome, Units};
 use deaflow_base::Stream;
 use deaflow_field::{Feasibility, PredictError, Predictor, StateFields};
 use deaflow_pattern::Pattern;
@@ -100,8 +100,8 @@ type Course = (Vec<Member>, Vec<FrontGeneration>);
 struct FrontSearch<'a> {
     problem: &'a FrontProblem<'a>,
     options: &'a EvolveOptions,
-    /// The units that may be on.
-    allowed: Genome,
+    /// The units of the membrane.
+    units: Units,
     batches: Batches,
 }
 
@@ -120,7 +120,7 @@ pub fn evolve_front(
     let mut search = FrontSearch {
         problem,
         options,
-        allowed: allowed_units(problem.constraints),
+        units: Units::of(problem.constraints.allowed()),
         batches: Batches::default(),
     };
     let (mut population, mut history) = match search.resumed(observer)? {
@@ -163,7 +163,7 @@ impl FrontSearch<'_> {
             .problem
             .first
             .iter()
-            .map(|genome| genome.clone().within(&self.allowed));
+            .map(|genome| self.units.restricted(genome.clone()));
         let random = first_generation(
             None,
             self.problem.constraints,
@@ -196,7 +196,7 @@ impl FrontSearch<'_> {
             crossover: self.options.crossover,
             mutation: self.options.mutation,
             groups: self.problem.constraints.groups(),
-            allowed: &self.allowed,
+            units: &self.units,
         };
         let parents: Vec<&Genome> = population.iter().map(|member| &member.genome).collect();
         let children = breeding.children(&parents, self.options.population, &mut stream);

@@ -5,14 +5,14 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
+use super::EvolveProblem;
 use super::checkpoint::Evaluation;
 use super::history::Individual;
 use super::niche::order;
 use super::options::EvolveOptions;
 use super::result::Observer;
-use super::{EvolveProblem, allowed_units};
 use crate::constraint::Constraints;
-use crate::genome::Genome;
+use crate::genome::{Genome, Units};
 use deaflow_field::{Feasibility, PredictError, Predictor, StateFields};
 use deaflow_pattern::{Layers, Pattern};
 
@@ -41,8 +41,8 @@ pub(super) struct CacheEntry {
 pub(super) struct Search<'a> {
     pub problem: &'a EvolveProblem<'a>,
     pub options: &'a EvolveOptions,
-    /// The units that may be on.
-    pub allowed: Genome,
+    /// The units of the membrane.
+    pub units: Units,
     pub cache: HashMap<Genome, CacheEntry>,
     batches: Batches,
 }
@@ -91,7 +91,7 @@ impl<'a> Search<'a> {
         Self {
             problem,
             options,
-            allowed: allowed_units(problem.constraints),
+            units: Units::of(problem.constraints.allowed()),
             cache: HashMap::new(),
             batches: Batches::default(),
         }

@@ -9,7 +9,7 @@ use super::front::FoundFront;
 use super::{Evaluators, Search, SearchError, SearchResult};
 use crate::evolve::{EvolveError, FrontMember, FrontProblem, evolve_front};
 use crate::front::{Cost, Front, OtherObjective, hypervolume_of};
-use crate::genome::{Genome, UNITS, unit_of};
+use crate::genome::{Genome, UNITS, Units, unit_of};
 use crate::objective::Goal;
 use deaflow_field::{Field, Predictor, StateFields};
 use deaflow_pattern::{Pattern, Raster, Role};
@@ -141,7 +141,10 @@ impl Search<'_> {
         let mixed = mixtures(&worths);
         let groups = self.constraints.groups();
         let raster = self.constraints.membrane().raster;
-        let each = mixed.iter().map(|worth| unit_worths(worth, groups, raster));
+        let units = Units::of(self.constraints.allowed());
+        let each = mixed
+            .iter()
+            .map(|worth| units.shared(unit_worths(worth, groups, raster)));
         let genomes = each.map(|worth| by_area(&worth)).collect::<Vec<_>>();
         // The areas of all mixtures by turns, so that few genomes still have all of them.
         Ok((0..AREAS)

@@ -3,7 +3,7 @@
 use super::finished::{Ended, Finished, Followed};
 use super::found::Findings;
 use super::{Search, SearchError, SearchResult};
-use crate::genome::Genome;
+use crate::genome::{Genome, Units};
 use crate::local_search::{LocalOptimum, SearchProblem, SearchStep, StartError};
 use deaflow_base::Stream;
 use deaflow_pattern::{Pattern, PatternForm, Role};
@@ -67,8 +67,8 @@ impl Search<'_> {
                 // The stream name determines the random numbers, and so the designs.
                 let mut stream = Stream::new(self.options.seed.0, "start of a climb", index as u64);
                 let area = area.unwrap_or_else(|| stream.uniform());
-                let (all, groups) = (Genome::from_fn(|_, _| true), self.constraints.groups());
-                Genome::random_within(&all, area, groups, START_GRAIN, &mut stream).pattern(raster)
+                let groups = self.constraints.groups();
+                Genome::random_within(&Units::all(), area, groups, START_GRAIN, &mut stream).pattern(raster)
             }
         };
         (0..self.options.starts).map(drawn).collect()
