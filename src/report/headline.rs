@@ -13,29 +13,31 @@ const ORDER: &[&str] = &[
     "verify", "yield", "table", "evaluate", "design", "train", "compare", "fit", "audit", "solve", "import",
 ];
 
+/// The kind whose first line is always printed: how many devices succeed is another question than how far one moves.
+const ALWAYS: &str = "yield";
+
 /// Returns the main results of a run, and the number of further lines of the same kinds. All warnings are among the
 /// lines.
 ///
 /// # Errors
 /// If an artifact cannot be read or does not have the content of its kind.
 pub fn headlines(run: &RunArtifacts<'_>) -> Result<(Vec<Headline>, usize), ReportError> {
-    let mut found: Vec<Headline> = Vec::new();
+    let (mut all, mut kept) = (0, Vec::new());
     for kind in ORDER {
         // Less important kinds are not read.
-        if found.len() >= MAX_LINES {
-            break;
+        if all >= MAX_LINES && *kind != ALWAYS {
+            continue;
         }
         let presenters = PRESENTERS.iter().filter(|presenter| presenter.kind() == *kind);
-        for presenter in presenters {
-            found.extend(presenter.headlines(run)?);
+        let lines: Result<Vec<_>, _> = presenters.map(|presenter| presenter.headlines(run)).collect();
+        for (place, line) in lines?.into_iter().flatten().enumerate() {
+            let is_first = place == 0 && *kind == ALWAYS;
+            all += 1;
+            if all <= MAX_LINES || is_first || !line.is_good {
+                kept.push(line);
+            }
         }
     }
-    let mut place = 0;
-    let all = found.len();
-    found.retain(|line| {
-        place += 1;
-        place <= MAX_LINES || !line.is_good
-    });
-    let more = all - found.len();
-    Ok((found, more))
+    let more = all - kept.len();
+    Ok((kept, more))
 }

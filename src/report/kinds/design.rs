@@ -1,8 +1,10 @@
 //! Design stages: their evaluators, and the progress of each search.
 
+use std::collections::BTreeMap;
+
 use super::front::{self, FoundFront};
 use crate::artifacts::{ArtifactReader, RunArtifacts};
-use crate::designs::{Objective, membranes};
+use crate::designs::{Objective, Role, membranes};
 use crate::drawing::{Axis, Chart, Mark, Series, Sheet};
 use crate::error::ReportError;
 use crate::evaluators::{Evaluators, read};
@@ -58,17 +60,18 @@ impl Presenter for DesignPresenter {
                 return Ok(front.headline());
             }
             let view = source.of(Designs::open(source.artifact))?;
-            let searches = [source.of(generations(&view))?, source.of(steps(&view))?];
-            let best = searches
-                .iter()
-                .flatten()
-                .filter_map(|search| search.points.last())
-                .map(|(_, mm)| *mm);
+            let best_rows = source.of(best_rows(&view))?;
+            let values = source.of(view.value().read())?;
+            let best = best_rows.iter().filter_map(|row| values.get(*row)).copied();
             let (stage, unit) = (&source.stage.stage, source.of(view.unit())?);
             let objective = objective(source, &view)?;
             let angle = |value: f64| objective.as_ref().map_or_else(String::new, |read| read.angle(value));
             let words = objective.as_ref().and_then(|read| read.robust.as_deref());
-            let robust = words.zip(source.of(robust_value(&view))?);
+            let robust = source.of(view.robust().read())?;
+            let robust = match (&best_rows[..], &robust) {
+                ([row], Some(values)) => words.zip(values.get(*row).copied()),
+                _ => None,
+            };
             let robust = robust.map_or_else(String::new, |(words, value)| {
                 format!(" as drawn, {words} {} {unit}{}", mm(value), angle(value))
             });
@@ -80,15 +83,9 @@ impl Presenter for DesignPresenter {
                 ),
                 None => format!("{stage}: designs, not verified"),
             };
-            let (roles, statuses) = (
-                source.of(view.rows().role().read())?,
-                source.of(view.rows().status().read())?.0,
-            );
-            let found = roles.iter().zip(&statuses).filter(|(role, _)| role.is_found());
-            let unmet: Vec<&str> = found
-                .map(|(_, status)| status.as_str())
-                .filter(|status| *status != "met")
-                .collect();
+            let statuses = source.of(view.rows().status().read())?.0;
+            let counted = best_rows.iter().filter_map(|row| statuses.get(*row));
+            let unmet: Vec<&str> = counted.map(String::as_str).filter(|status| *status != "met").collect();
             Ok(match &unmet[..] {
                 [] => Headline::good(text),
                 [status] => Headline::bad(format!("{text} ({status})")),
@@ -206,16 +203,28 @@ fn evaluators_table(page: &mut Page, evaluators: &[Evaluators]) {
     page.columns("Evaluators", &columns, &rows);
 }
 
-/// Returns the value that counts for several masks of the last design of a single target, if its objective is robust.
-fn robust_value(view: &DesignsView<'_>) -> Result<Option<f64>, StoreError> {
-    let (rows, robust) = (view.rows(), view.robust().read()?);
-    let (mut names, roles) = (rows.name().read()?, rows.role().read()?);
-    names.dedup();
-    let last = roles.iter().rposition(|role| role.is_found());
-    Ok(match (names.len(), robust, last) {
-        (1, Some(values), Some(row)) => values.get(row).copied(),
-        _ => None,
-    })
+/// Returns the row of the best found design of each target: one that satisfies the constraints before others, then a
+/// refined one, then that with the largest value.
+fn best_rows(view: &DesignsView<'_>) -> Result<Vec<usize>, StoreError> {
+    let rows = view.rows();
+    let (names, roles, statuses) = (rows.name().read()?, rows.role().read()?, rows.status().read()?.0);
+    let values = view.value().read()?;
+    let rank = |row: usize| {
+        let is_met = statuses.get(row).is_some_and(|status| status == "met");
+        (is_met, roles[row] == Role::Refined, values.get(row))
+    };
+    let mut best: BTreeMap<&String, usize> = BTreeMap::new();
+    for (row, (name, _)) in names
+        .iter()
+        .zip(&roles)
+        .enumerate()
+        .filter(|(_, (_, role))| role.is_found())
+    {
+        if best.get(name).is_none_or(|known| rank(row) > rank(*known)) {
+            best.insert(name, row);
+        }
+    }
+    Ok(best.into_values().collect())
 }
 
 /// Returns the objective of a single target; `None` if there are several.
