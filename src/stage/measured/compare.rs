@@ -183,6 +183,14 @@ fn motions(device: &Device, set: &MeasuredSet, own: &DynamicSet, values: &[f64])
         .collect()
 }
 
+/// Describes why there is no simulated number: no equilibrium at a load, or a device that cannot be simulated.
+fn why_not(why: &str) -> String {
+    match why.starts_with("at ") {
+        true => format!("no equilibrium {why}"),
+        false => why.to_owned(),
+    }
+}
+
 /// Simulates the measured numbers of a set with values of the free parameters; a motion gives the first of its
 /// comparisons.
 ///
@@ -196,7 +204,7 @@ pub fn compare(device: &Device, set: &MeasuredSet, values: &[f64]) -> Result<Com
         if simulated.iter().all(Result::is_err)
             && let Some(Err(why)) = simulated.first()
         {
-            return Err(refused(format!("no equilibrium {why}")));
+            return Err(refused(why_not(why)));
         }
         let simulated = simulated.into_iter().map(Result::ok).collect();
         Ok(Compared::series(
@@ -213,7 +221,7 @@ pub fn compare(device: &Device, set: &MeasuredSet, values: &[f64]) -> Result<Com
         }
         Data::Field(own) => {
             let simulated = set.simulate(device, values);
-            let simulated = simulated.map_err(|why| refused(format!("no equilibrium {why}")))?;
+            let simulated = simulated.map_err(|why| refused(why_not(&why)))?;
             let simulated_mm: Vec<[f64; 2]> = simulated.values.chunks_exact(2).map(|u| [u[0], u[1]]).collect();
             let result = own
                 .image()
