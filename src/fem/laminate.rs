@@ -340,7 +340,7 @@ fn dot(a: Vector, b: Vector) -> f64 {
 }
 
 fn length(vector: Vector) -> f64 {
-    vector[0].hypot(vector[1])
+    dot(vector, vector).sqrt()
 }
 
 fn is_positive([[a, b], [c, d]]: Tensor<f64>) -> bool {

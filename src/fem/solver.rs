@@ -13,7 +13,7 @@ use deaflow_scene::laws::StiffeningLaw;
 
 use super::adjoint;
 use super::charge::{self, ChargedLoading};
-use super::continuation::{LoadingEnd, Problem};
+use super::continuation::{Loading, LoadingEnd, Loads, Problem};
 use super::effects::{Model, WithMaterial, breakdown_ratio};
 use super::error::SetupError;
 use super::grid::Grid;
@@ -24,7 +24,7 @@ use super::observable::{CellState, states};
 use super::operator::{Activity, Operator};
 use super::precondition::Laplacian;
 use super::reactions::SideForces;
-use super::stability::Loss;
+use super::stability::{Basin, Loss};
 use super::work::WorkLimit;
 
 /// Mesh and tolerance of a solution.
@@ -236,6 +236,33 @@ impl MembraneSolver {
         self.solve_in(pattern, &mut self.scratch(self.scaled(limit))).0
     }
 
+    /// Simulates one pattern from displacements of the nodes near its equilibrium, by a full step of Newton's method and
+    /// those after it. `None` if that does not lead to a stable equilibrium, if the material may have several, or if
+    /// the charge is prescribed: [`Self::solve`] loads it from rest.
+    #[must_use]
+    pub fn solve_near(&self, pattern: &Pattern, start: &[f64]) -> Option<MeshSolution> {
+        let mut scratch = self.near_scratch();
+        if self.scene.drive.charge.is_some() || start.len() != scratch.displacement.len() || is_interrupted() {
+            return None;
+        }
+        scratch.displacement.copy_from_slice(start);
+        let total = self.model.with(LoadNear {
+            solver: self,
+            activity: &self.activity(pattern),
+            scratch: &mut scratch,
+        })?;
+        Some(MeshSolution {
+            outcome: self.outcome(LoadingEnd::Stable),
+            last_stable: self.scene.voltage_v(),
+            displacement: scratch.displacement,
+            newton_iterations: total.steps,
+            krylov_iterations: scratch.workspace.krylov_iterations(),
+            work: scratch.workspace.work(),
+            residual: total.residual,
+            charged: None,
+        })
+    }
+
     /// Returns the displacement of a solution at the cell corners, in mm.
     #[must_use]
     pub fn field(&self, solution: &MeshSolution) -> Field {
@@ -287,13 +314,6 @@ impl MembraneSolver {
         if !solution.outcome.is_converged() || self.scene.drive.charge.is_some() {
             return self.simulate(patterns).iter().map(Simulation::stroke).collect();
         }
-        let scratch = || {
-            let scratch = self.scratch(self.limit);
-            Scratch {
-                workspace: scratch.workspace.near(),
-                ..scratch
-            }
-        };
         let near = |scratch: &mut Scratch, pattern: &Pattern| {
             scratch.displacement.copy_from_slice(&solution.displacement);
             let found = self.model.with(SolveNear {
@@ -303,7 +323,7 @@ impl MembraneSolver {
             });
             found.then(|| self.stroke_of(pattern, &scratch.displacement))
         };
-        patterns.par_iter().map_init(scratch, near).collect()
+        patterns.par_iter().map_init(|| self.near_scratch(), near).collect()
     }
 
     /// Returns the gradient of J = Σ weights · u, with u in mm at the cell corners, with respect to the activity of
@@ -358,6 +378,15 @@ impl MembraneSolver {
         Scratch {
             displacement: vec![0.0; len],
             workspace,
+        }
+    }
+
+    /// Creates the vectors for iterations that start near their end.
+    fn near_scratch(&self) -> Scratch {
+        let scratch = self.scratch(self.limit);
+        Scratch {
+            workspace: scratch.workspace.near(),
+            ..scratch
         }
     }
 
@@ -630,6 +659,32 @@ impl WithMaterial for SolveNear<'_> {
         } = self.scratch;
         workspace.begin_again();
         newton::solve(&operator, &self.solver.laplacian, NEAR, u, workspace).is_ok()
+    }
+}
+
+/// Finds a stable equilibrium near a displacement; `None` if there is none, or the material may have several.
+struct LoadNear<'a> {
+    solver: &'a MembraneSolver,
+    activity: &'a Activity,
+    scratch: &'a mut Scratch,
+}
+
+impl WithMaterial for LoadNear<'_> {
+    type Output = Option<Loading>;
+
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Loading> {
+        let problem = self.solver.problem(self.activity, material);
+        if (problem.material)(1.0).has_several_branches() {
+            return None;
+        }
+        let Scratch {
+            displacement: u,
+            workspace,
+        } = self.scratch;
+        let mut total = Loading::from(0.0);
+        workspace.begin_again();
+        let found = problem.attempt(Loads::at(1.0), Basin::Rest, u, workspace, &mut total);
+        found.is_ok().then_some(total)
     }
 }
 

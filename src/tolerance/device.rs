@@ -89,6 +89,26 @@ fn factor(spread: Option<&Spread>, deviation: f64) -> f64 {
     }
 }
 
+/// Returns the standard deviation of the [drive] of devices.
+pub(crate) fn deviation_of_drive(tolerances: &Tolerances) -> f64 {
+    let of = |spread: &Option<Spread>| spread.as_ref().map_or(0.0, |Spread(factor)| factor.relative.to_f64());
+    let squares = [&tolerances.voltage, &tolerances.thickness, &tolerances.prestretch].map(of);
+    let others = [&tolerances.shear_modulus, &tolerances.permittivity].map(of);
+    let squares = squares.into_iter().map(|deviation| 2.0 * deviation);
+    squares
+        .chain(others)
+        .map(|deviation| deviation.powi(2))
+        .sum::<f64>()
+        .sqrt()
+}
+
+/// Returns the logarithm of the electrostatic stress V²ε λ²/H² of the membrane in units of its shear modulus μ. On one
+/// mesh, the displacements of a pattern depend on little else.
+pub(crate) fn drive(scene: &Scene) -> f64 {
+    let field = scene.voltage_v() * scene.mean_prestretch() / scene.thickness_mm();
+    (field.powi(2) * scene.permittivity() / scene.shear_modulus_pa()).ln()
+}
+
 /// Refuses tolerances that a scene does not allow.
 pub(crate) fn check(scene: &Scene, tolerances: &Tolerances) -> Result<(), ToleranceError> {
     let refused = |tolerance, with| Err(ToleranceError::Setting { tolerance, with });

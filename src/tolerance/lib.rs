@@ -10,6 +10,7 @@ mod device;
 mod error;
 mod regression;
 mod sampling;
+mod starts;
 mod statistics;
 mod study;
 #[cfg(test)]

@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use crate::device::{self, SOURCES, Source};
 use crate::error::ToleranceError;
 use crate::sampling;
+use crate::starts::Starts;
 
 words! {
     /// Why a device fails.
@@ -161,11 +162,18 @@ impl Study {
         value: impl Fn(&[Field]) -> f64 + Sync,
         done: impl Fn() + Sync,
     ) -> Result<Vec<Device>, ToleranceError> {
+        let deviation = device::deviation_of_drive(&self.tolerances);
+        let starts: Vec<Option<Starts>> = self
+            .states
+            .iter()
+            .map(|state| Starts::new(state, pattern, deviation, |scene| self.solver(scene)))
+            .collect::<Result<_, SetupError>>()?;
         range
             .into_par_iter()
             .map(|index| {
                 let deviations = sampling::deviations(self.seed, index);
-                let value = self.device(pattern, index, &deviations)?.map(|fields| value(&fields));
+                let found = self.device((pattern, &starts), index, &deviations)?;
+                let value = found.map(|fields| value(&fields));
                 done();
                 Ok(Device { deviations, value })
             })
@@ -177,12 +185,12 @@ impl Study {
     /// # Errors
     /// If it cannot be simulated.
     pub fn nominal(&self, pattern: &Pattern) -> Result<Result<Vec<Field>, Failure>, ToleranceError> {
-        in_all(self.states.iter().map(|scene| self.simulate(scene, pattern)))
+        in_all(self.states.iter().map(|scene| self.simulate(scene, pattern, None)))
     }
 
     fn device(
         &self,
-        pattern: &Pattern,
+        (drawn, starts): (&Pattern, &[Option<Starts>]),
         index: u32,
         deviations: &[f64; SOURCES],
     ) -> Result<Result<Vec<Field>, Failure>, ToleranceError> {
@@ -191,28 +199,40 @@ impl Study {
                 let membrane = any.membrane();
                 let lost = sampling::lost(self.seed, index, membrane.raster.cells(), lost_cells(&self.tolerances));
                 let offsets = device::offsets(&self.tolerances, deviations);
-                match fabricated(pattern, any.parts().as_deref(), membrane, &offsets, &lost)? {
+                match fabricated(drawn, any.parts().as_deref(), membrane, &offsets, &lost)? {
                     Fabricated::Pattern(pattern) => pattern,
                     Fabricated::ShortCircuit => return Ok(Err(Failure::ShortCircuit)),
                     Fabricated::SharedCell => return Ok(Err(Failure::SharedCell)),
                 }
             }
-            _ => pattern.clone(),
+            _ => drawn.clone(),
         };
-        in_all(
-            self.states
-                .iter()
-                .map(|state| match device::scene(state, &self.tolerances, deviations) {
-                    Some(scene) => self.simulate(&scene, &pattern),
-                    None => Ok(Err(Failure::Unstable)),
-                }),
-        )
+        let states = self.states.iter().zip(starts);
+        in_all(states.map(
+            |(state, starts)| match device::scene(state, &self.tolerances, deviations) {
+                Some(scene) => {
+                    let start = starts.as_ref().map(|starts| starts.at(&scene));
+                    self.simulate(&scene, &pattern, start.as_deref())
+                }
+                None => Ok(Err(Failure::Unstable)),
+            },
+        ))
     }
 
-    fn simulate(&self, scene: &Scene, pattern: &Pattern) -> Result<Result<Field, Failure>, ToleranceError> {
-        let scene = scene.with_electrodes_of(pattern);
-        let solver = MembraneSolver::new(&scene, self.options)?.within(self.limit);
-        let solution = solver.solve(pattern);
+    fn solver(&self, scene: &Scene) -> Result<MembraneSolver, SetupError> {
+        Ok(MembraneSolver::new(scene, self.options)?.within(self.limit))
+    }
+
+    /// Simulates a pattern, from a displacement near its equilibrium if one is known.
+    fn simulate(
+        &self,
+        scene: &Scene,
+        pattern: &Pattern,
+        start: Option<&[f64]>,
+    ) -> Result<Result<Field, Failure>, ToleranceError> {
+        let solver = self.solver(&scene.with_electrodes_of(pattern))?;
+        let near = start.and_then(|start| solver.solve_near(pattern, start));
+        let solution = near.unwrap_or_else(|| solver.solve(pattern));
         let failure = match solution.outcome.bracket() {
             Some(_) => Failure::Unstable,
             None => Failure::Unsolved,

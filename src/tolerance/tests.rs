@@ -1,8 +1,8 @@
 //! Masks by area, samples by their moments, and yields of known designs.
 
 use deaflow_base::{Document, Stream, Time};
-use deaflow_fem::{SolveOptions, WorkLimit};
-use deaflow_field::Mesh;
+use deaflow_fem::{MembraneSolver, SolveOptions, WorkLimit};
+use deaflow_field::{Field, Mesh};
 use deaflow_pattern::{Fabricated, MaskOffsets, Membrane, Pattern, Raster, fabricated};
 use deaflow_scene::{Scene, Tolerances};
 use std::path::Path;
@@ -374,4 +374,39 @@ fn devices_are_the_same_whatever_is_simulated_with_them() {
     };
     let (all, later) = (at(0..8), at(4..8));
     assert_eq!(all[4..], later[..]);
+}
+
+#[test]
+fn devices_have_the_solutions_from_rest() {
+    let to_the_right = |field: &Field| field.at([25.0, 25.0])[0];
+    let text = "{ voltage: 1 %, shear_modulus: { relative: 10 %, distribution: lognormal }, thickness: 5 %, \
+                permittivity: 2 %, prestretch: 2 % }";
+    for volts in [3000.0, 5250.0, 7000.0] {
+        let scene = Scene::vhb4910().at_voltage(volts);
+        let tolerances = tolerances(text);
+        let study = study(scene.clone(), text);
+        let devices = study
+            .devices(&half(), 0..48, |fields| to_the_right(&fields[0]), || {})
+            .unwrap();
+        let mut failures = 0;
+        for device in &devices {
+            let own = crate::device::scene(&scene, &tolerances, &device.deviations).unwrap();
+            let solver = MembraneSolver::new(&own, SolveOptions::on(Mesh::bilinear(1))).unwrap();
+            let solution = solver.solve(&half());
+            match device.value {
+                Ok(mm) => {
+                    let expected = to_the_right(&solver.field(&solution));
+                    assert!(
+                        solution.outcome.is_converged() && (mm / expected - 1.0).abs() < 1e-7,
+                        "{mm} {expected}"
+                    );
+                }
+                Err(failure) => {
+                    assert!(failure == Failure::Unstable && !solution.outcome.is_converged());
+                    failures += 1;
+                }
+            }
+        }
+        assert!(volts < 6000.0 || (3..45).contains(&failures), "{failures}");
+    }
 }
