@@ -264,6 +264,7 @@ impl fmt::Display for RoundsSummary {
 mod tests {
     use std::sync::Arc;
 
+    use super::super::designs::Comparison;
     use super::*;
     use deaflow_field::OutcomeKind;
     use deaflow_pattern::Role;
@@ -290,9 +291,12 @@ mod tests {
             status: "met".into(),
             gain_own_area: None,
             gain_equal_area: None,
-            gains: [None; 2],
+            gain_own_area_mm: None,
+            gain_equal_area_mm: None,
             ratio_to_optimum: None,
+            difference_to_optimum_mm: None,
             optimum_is: None,
+            compared: Comparison::default(),
             other_scene: None,
             objective: Arc::default(),
             constraints: String::new(),

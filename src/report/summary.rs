@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::artifacts::ArtifactReader;
 use super::designed_for;
-use super::designs::{Compared, Gain, Objective, comparison, prediction_error};
+use super::designs::{Compared, Comparison, Gain, Objective, comparison, prediction_error};
 use super::error::ReportError;
 use super::format::{counted, mm, mm_measured, percents, three};
 use super::intervals::{self, NetworkInterval};
@@ -95,13 +95,24 @@ pub struct RowSummary {
     pub gain_own_area: Option<f64>,
     /// Gain over the intuitive design at the area of this design; `None` if there is none with that area.
     pub gain_equal_area: Option<f64>,
-    /// The gains over the intuitive design at its own and at this area, also where they are no fractions.
-    #[serde(skip)]
-    pub(super) gains: [Option<Gain>; 2],
-    /// Ratio to the displacement of the optimum, the one on the same units if there is one.
+    /// Gain over the intuitive design at its own area in mm, if it is no fraction because that design moves by less
+    /// than its error or the other way.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gain_own_area_mm: Option<f64>,
+    /// The same at the area of this design.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gain_equal_area_mm: Option<f64>,
+    /// Ratio to the displacement of the optimum, the one on the same units if there is one; `None` if one of both moves
+    /// the other way.
     pub ratio_to_optimum: Option<f64>,
-    /// What the optimum is, if there is a ratio to it.
+    /// Its displacement minus that of the optimum in mm, if they move in opposite directions.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub difference_to_optimum_mm: Option<f64>,
+    /// What the optimum is, if it is compared with it.
     pub optimum_is: Option<&'static str>,
+    /// The comparison with the other patterns of its target.
+    #[serde(skip)]
+    pub(super) compared: Comparison,
     /// How the scene of the prediction differs from that of the simulation, if it does.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub other_scene: Option<String>,
@@ -153,10 +164,10 @@ impl RowSummary {
         (&self.case, &self.name) == (&other.case, &other.name)
     }
 
-    /// Its ratio to the optimum, and what that is; `None` of the optimum itself and of intuitive designs.
-    fn share_of_optimum(&self) -> Option<(f64, &'static str)> {
-        let both = self.ratio_to_optimum.zip(self.optimum_is);
-        both.filter(|_| self.role != Role::Optimum && self.role.is_compared())
+    /// Says how near it comes to the optimum; `None` of the optimum itself and of intuitive designs.
+    fn to_optimum(&self, unit: &str) -> Option<String> {
+        let is_shown = self.role != Role::Optimum && self.role.is_compared();
+        self.compared.to_optimum(unit).filter(|_| is_shown)
     }
 
     fn to_compare(&self) -> Compared<'_> {
@@ -165,6 +176,7 @@ impl RowSummary {
             units: self.units,
             area: self.area,
             simulated_mm: self.simulated_mm,
+            error_mm: self.simulated_error_mm,
             value_mm: None,
             is_met: self.distance_mm.is_some(),
             constraints: &self.constraints,
@@ -276,21 +288,21 @@ impl VerificationSummary {
                 three(distance),
                 best.objective.angle(distance)
             );
-        } else if let [own, Some(gain)] = best.gains {
+        } else if let [own, Some(gain)] = best.compared.gains {
             text += &format!(", {} over the intuitive design at equal area", gain.text(unit));
             if let Some(own) = own.filter(|own| own.differs_from(gain)) {
                 let area = nearest_of(best, &self.rows, Role::Intuitive)
                     .map_or_else(String::new, |other| format!(" ({})", percents(other.area)));
                 text += &format!(" and {} over it at its own area{area}", own.text(unit));
             }
-        } else if let [Some(gain), None] = best.gains {
+        } else if let [Some(gain), None] = best.compared.gains {
             text += &format!(
                 ", {} over the intuitive design, which has a different area",
                 gain.text(unit)
             );
         }
-        if let Some((ratio, optimum)) = best.share_of_optimum() {
-            text += &format!(", {} of {optimum}", percents(ratio));
+        if let Some(share) = best.to_optimum(unit) {
+            text += &format!(", {share}");
         }
         match is_met(best) {
             true => Headline::good(text),
@@ -443,9 +455,12 @@ fn rows_of(
             status: statuses[k].clone(),
             gain_own_area: None,
             gain_equal_area: None,
-            gains: [None; 2],
+            gain_own_area_mm: None,
+            gain_equal_area_mm: None,
             ratio_to_optimum: None,
+            difference_to_optimum_mm: None,
             optimum_is: None,
+            compared: Comparison::default(),
             other_scene: None,
             objective: objective.clone(),
             constraints: constraints[k].clone(),
@@ -467,19 +482,12 @@ fn compared(row: &RowSummary, rows: &[RowSummary]) -> RowSummary {
     let same = rows.iter().filter(|other| other.same_target(row));
     let same: Vec<Compared<'_>> = same.map(RowSummary::to_compare).collect();
     let comparison = comparison(&row.to_compare(), &same);
+    [found.gain_own_area, found.gain_equal_area] = comparison.gains.map(|gain| gain.and_then(Gain::fraction));
+    [found.gain_own_area_mm, found.gain_equal_area_mm] = comparison.gains.map(|gain| gain.and_then(Gain::difference));
     found.ratio_to_optimum = comparison.ratio;
+    found.difference_to_optimum_mm = comparison.difference_mm;
     found.optimum_is = comparison.optimum_is;
-    if row.role.is_compared() && row.distance_mm.is_none() {
-        let intuitive = [
-            (Role::Intuitive, comparison.intuitive_own),
-            (Role::IntuitiveEqualArea, comparison.intuitive_equal_area),
-        ];
-        found.gains = intuitive.map(|(role, other)| {
-            let error_mm = nearest_of(row, rows, role).and_then(|other| other.simulated_error_mm);
-            Some(Gain::over(row.simulated_mm?, other?, error_mm))
-        });
-        [found.gain_own_area, found.gain_equal_area] = found.gains.map(|gain| gain?.fraction());
-    }
+    found.compared = comparison;
     found
 }
 
@@ -617,14 +625,14 @@ impl fmt::Display for Line<'_> {
                 row.objective.angle(distance)
             )?;
         }
-        match row.gains.map(|gain| Some(gain?.text(unit))) {
+        match row.compared.gains.map(|gain| Some(gain?.text(unit))) {
             [Some(own), Some(equal)] => write!(f, "  gain over the intuitive design {own}, {equal} at equal area")?,
             [Some(own), None] => write!(f, "  gain over the intuitive design {own}")?,
             [None, Some(equal)] => write!(f, "  gain over the intuitive design {equal} at equal area")?,
             [None, None] => {}
         }
-        if let Some((ratio, optimum)) = row.share_of_optimum() {
-            write!(f, "  {} of {optimum}", percents(ratio))?;
+        if let Some(share) = row.to_optimum(unit) {
+            write!(f, "  {share}")?;
         }
         if row.status != "met" {
             write!(f, "  ({})", row.status)?;

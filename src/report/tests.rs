@@ -376,16 +376,18 @@ fn a_gain_over_a_pattern_that_moves_the_other_way_is_a_difference() {
         moved.datasets.insert("component/error_known".into(), integers(&[1; 4]));
         let made = [bench.made("verified", "verify", &moved)];
         let summary = bench.run(&made).each("verify", summary::read).unwrap().remove(0);
-        (summary.rows[0].gain_own_area, summary.to_string())
+        let row = serde_json::to_value(&summary.rows[0]).unwrap();
+        let gains = ["gain_own_area", "gain_own_area_mm"].map(|key| row[key].as_f64());
+        (gains, summary.to_string())
     };
     for (intuitive, error, gain) in [(-0.1, 0.01, "+2.10 mm"), (0.02, 0.05, "+1.98 mm")] {
-        let (fraction, text) = shown(intuitive, error);
-        assert_eq!(fraction, None);
+        let (gains, text) = shown(intuitive, error);
+        assert_eq!(gains, [None, Some(2.0 - intuitive)]);
         let gain = format!("gain over the intuitive design {gain}, +2.56 % at equal area");
         assert!(text.contains(&gain), "{gain}: {text}");
     }
-    let (fraction, text) = shown(0.5, 0.05);
-    assert_eq!(fraction, Some(3.0));
+    let (gains, text) = shown(0.5, 0.05);
+    assert_eq!(gains, [Some(3.0), None]);
     assert!(text.contains("gain over the intuitive design +300 %"), "{text}");
 }
 
@@ -603,4 +605,24 @@ fn an_evaluation_names_models_by_their_stages() {
         .unwrap_err()
         .to_string();
     assert!(error.contains("differ in length"), "{error}");
+}
+
+#[test]
+fn a_design_that_moves_the_other_way_than_the_optimum_has_no_share_of_it() {
+    let bench = TestStore::new();
+    let mut moved = verified(["converged"; 4]);
+    let values = [-2.0, 2.5, 1.6, 1.95];
+    moved
+        .datasets
+        .insert("component/simulated".into(), floats("mm", &values));
+    let made = [bench.made("verified", "verify", &moved)];
+    let summary = bench.run(&made).each("verify", summary::read).unwrap().remove(0);
+    let row = serde_json::to_value(&summary.rows[0]).unwrap();
+    assert_eq!(
+        (&row["ratio_to_optimum"], &row["difference_to_optimum_mm"]),
+        (&serde_json::Value::Null, &(-4.5).into())
+    );
+    let text = summary.to_string();
+    let less = "4.50 mm less than the best pattern found by gradient search under the same constraints";
+    assert!(text.contains(less) && !text.contains("−80"), "{text}");
 }

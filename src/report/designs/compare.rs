@@ -2,7 +2,7 @@
 //! search.
 
 use super::design::{Comparison, Design, LEAST_MM, SAME_AREA};
-use crate::format::{change, signed, three};
+use crate::format::{change, percents, signed, three};
 use deaflow_pattern::Role;
 
 /// What a gradient search gives. It is no bound: other starts may find more, and so may other constraints, such as
@@ -21,6 +21,8 @@ pub(crate) struct Compared<'d> {
     pub units: u64,
     pub area: f64,
     pub simulated_mm: Option<f64>,
+    /// The estimated error of the simulation, if it is known.
+    pub error_mm: Option<f64>,
     /// The displacement to be reached, mm.
     pub value_mm: Option<f64>,
     /// Whether a given displacement is to be reached, so that a larger one is not better.
@@ -52,6 +54,7 @@ fn compared(design: &Design) -> Compared<'_> {
         units: design.units,
         area: design.area,
         simulated_mm: design.simulated_mm,
+        error_mm: design.error_mm,
         value_mm: design.objective.value_mm,
         is_met: design.objective.is_met,
         constraints: &design.constraints,
@@ -67,20 +70,60 @@ pub(crate) fn comparison(own: &Compared<'_>, all: &[Compared<'_>]) -> Comparison
         of_role.min_by(|a, b| distance(a).total_cmp(&distance(b)))
     };
     let equal = nearest(Role::IntuitiveEqualArea).filter(|other| distance(other) <= SAME_AREA);
+    let intuitive = [nearest(Role::Intuitive), equal];
     let best = optimum(own, all);
-    // The ratio to a tiny or negative displacement means nothing. An intuitive design at its own area may be larger.
+    // An intuitive design at its own area may have a larger one than the optimum.
     let has_ratio = !own.is_met && own.role != Role::Intuitive;
-    let ratio = |(_, mm): &(&Compared<'_>, f64)| Some(own.simulated_mm? / mm);
-    let ratio = best
-        .filter(|(_, mm)| has_ratio && *mm > LEAST_MM)
-        .as_ref()
-        .and_then(ratio);
+    let both = best.filter(|_| has_ratio).zip(own.simulated_mm);
+    // The ratio to a displacement that is tiny, or the other way, means nothing.
+    let ratio = both
+        .filter(|((_, mm), own_mm)| *mm > LEAST_MM && *own_mm >= 0.0)
+        .map(|((_, mm), own_mm)| own_mm / mm);
+    let difference_mm = both
+        .filter(|((_, mm), own_mm)| own_mm * mm < 0.0)
+        .map(|((_, mm), own_mm)| own_mm - mm);
+    let is_compared = ratio.is_some() || difference_mm.is_some();
+    let [intuitive_own, intuitive_equal_area] = intuitive.map(|other| other?.simulated_mm);
     Comparison {
-        intuitive_own: nearest(Role::Intuitive).and_then(|other| other.simulated_mm),
-        intuitive_equal_area: equal.and_then(|other| other.simulated_mm),
+        intuitive_own,
+        intuitive_equal_area,
+        gains: intuitive.map(|other| gain(own, other?)),
         optimum: best.map(|(_, mm)| mm),
         ratio,
-        optimum_is: best.filter(|_| ratio.is_some()).map(|(best, _)| best_found(own, best)),
+        difference_mm,
+        optimum_is: best.filter(|_| is_compared).map(|(best, _)| best_found(own, best)),
+    }
+}
+
+/// Returns the gain of a pattern over another one; `None` if a given displacement is to be reached, as a larger one is
+/// not better then, or if the pattern is only drawn for comparison.
+fn gain(own: &Compared<'_>, other: &Compared<'_>) -> Option<Gain> {
+    let own_mm = own.simulated_mm.filter(|_| own.role.is_compared() && !own.is_met)?;
+    Some(Gain::over(own_mm, other.simulated_mm?, other.error_mm))
+}
+
+impl Comparison {
+    /// Says how near the pattern comes to the optimum: the share of it, or the difference in the unit of the values if
+    /// they move in opposite directions; `None` if neither is known.
+    #[must_use]
+    pub fn to_optimum(self, unit: &str) -> Option<String> {
+        let optimum = self.optimum_is?;
+        match (self.ratio, self.difference_mm) {
+            (Some(ratio), _) => Some(format!("{} of {optimum}", percents(ratio))),
+            (None, Some(difference)) => {
+                let word = if difference < 0.0 { "less" } else { "more" };
+                Some(format!("{} {unit} {word} than {optimum}", three(difference.abs())))
+            }
+            (None, None) => None,
+        }
+    }
+
+    /// Writes the same as a cell of a table: `97.5 %`, or `−3.00 mm`.
+    #[must_use]
+    pub fn share_text(self, unit: &str) -> Option<String> {
+        let difference = |value: f64| Gain::Difference(value).text(unit);
+        let share = self.ratio.map(percents);
+        share.or_else(|| self.difference_mm.map(difference))
     }
 }
 
@@ -141,6 +184,14 @@ impl Gain {
         match self {
             Self::Fraction(fraction) => Some(fraction),
             Self::Difference(_) => None,
+        }
+    }
+
+    /// Returns the difference in the unit of the values, if it is one.
+    pub fn difference(self) -> Option<f64> {
+        match self {
+            Self::Fraction(_) => None,
+            Self::Difference(difference) => Some(difference),
         }
     }
 
@@ -242,14 +293,45 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn there_is_no_ratio_to_an_optimum_that_hardly_moves_or_moves_back() {
-        for (optimum, ratio) in [(1e-4, None), (-2.0, None), (2.0, Some(-0.5))] {
+    fn a_ratio_to_an_optimum_that_hardly_moves_or_moves_the_other_way_is_a_difference_or_none() {
+        for (own, optimum, ratio, difference) in [
+            (1.0, 1e-4, None, None),
+            (-1.0, -2.0, None, None),
+            (-1.0, 2.0, None, Some("3.00 mm less than ")),
+            (1.0, -2.0, None, Some("3.00 mm more than ")),
+            (-1.0, 5e-4, None, Some("1.00 mm less than ")),
+            (0.0, 2.0, Some(0.0), None),
+        ] {
             let mut both = vec![
-                design(Role::Refined, 50, Some(-1.0)),
+                design(Role::Refined, 50, Some(own)),
                 design(Role::Optimum, 50, Some(optimum)),
             ];
             compare(&mut both);
-            assert_eq!(both[0].compared.ratio, ratio, "{optimum}");
+            let found = &both[0].compared;
+            assert_eq!(found.ratio, ratio, "{own}, {optimum}");
+            assert_eq!(found.difference_mm.is_some(), difference.is_some(), "{own}, {optimum}");
+            if let Some(text) = difference {
+                assert_eq!(found.to_optimum("mm"), Some(format!("{text}{SAME}")));
+            }
+        }
+    }
+
+    #[test]
+    fn a_gain_over_a_pattern_that_moves_by_less_than_its_error_is_a_difference() {
+        for (other, error, gain) in [
+            (0.02, None, Gain::Fraction(99.0)),
+            (0.02, Some(0.05), Gain::Difference(1.98)),
+            (-0.1, Some(0.01), Gain::Difference(2.1)),
+        ] {
+            let mut both = vec![
+                design(Role::Refined, 50, Some(2.0)),
+                design(Role::Intuitive, 50, Some(other)),
+            ];
+            both[1].error_mm = error;
+            compare(&mut both);
+            assert_eq!(both[0].compared.gains, [Some(gain), None], "{other} ± {error:?}");
+            assert_eq!(both[1].compared.gains, [None; 2], "over itself");
+            assert_eq!(both[0].gain_texts(), [Some(gain.text("mm")), None], "as in pages");
         }
     }
 
@@ -271,7 +353,7 @@ pub(crate) mod tests {
         );
         assert_eq!(is(&|both| both[0].status = "area 0.4, wanted 0.5".into()), Some(OTHER));
         assert_eq!(is(&|both| both[1].status = "2 islands".into()), Some(OTHER));
-        assert_eq!(is(&|both| both[1].simulated_mm = Some(-1.0)), None, "without a ratio");
+        assert_eq!(is(&|both| both[1].simulated_mm = Some(1e-4)), None, "without a ratio");
         for text in [SAME, OTHER] {
             assert!(!text.contains("optimum"), "{text}");
         }

@@ -87,12 +87,16 @@ pub struct Comparison {
     pub intuitive_own: Option<f64>,
     /// Of the intuitive design at the area of this one; `None` if there is none with that area.
     pub intuitive_equal_area: Option<f64>,
+    /// Gains over these two; none if a given displacement is to be reached, as a larger one is not better then.
+    pub(crate) gains: [Option<Gain>; 2],
     /// Of the optimum: the best one on the same units, or else the best of all.
     pub optimum: Option<f64>,
     /// The displacement of this design divided by that of the optimum; `None` if a given displacement is to be reached,
-    /// as a larger one is not better then, or if the optimum hardly moves.
+    /// as a larger one is not better then, or if the optimum hardly moves or one of both moves the other way.
     pub ratio: Option<f64>,
-    /// What the optimum is, if there is a ratio to it.
+    /// The displacement of this design minus that of the optimum, if they move in opposite directions.
+    pub difference_mm: Option<f64>,
+    /// What the optimum is, if this design is compared with it.
     pub optimum_is: Option<&'static str>,
 }
 
@@ -171,11 +175,18 @@ impl Design {
         Some((self.predicted_mm? - simulated) / simulated.abs())
     }
 
-    /// Returns the gain over another displacement in mm, as a fraction; `None` if a given displacement is to be
-    /// reached, as a larger one is not better then, or if the other one hardly moves, or moves the other way.
+    /// Writes the gains over the intuitive design at its own area and at the area of this one, with their sign.
     #[must_use]
-    pub fn gain_over(&self, other_mm: f64) -> Option<f64> {
-        Gain::over(self.simulated_mm.filter(|_| !self.objective.is_met)?, other_mm, None).fraction()
+    pub fn gain_texts(&self) -> [Option<String>; 2] {
+        let unit = self.objective.unit();
+        self.compared.gains.map(|gain| Some(gain?.text(unit)))
+    }
+
+    /// Says how near it comes to the optimum; `None` of the optimum, or if they are not compared.
+    #[must_use]
+    pub fn to_optimum(&self) -> Option<String> {
+        let text = self.compared.to_optimum(self.objective.unit());
+        text.filter(|_| self.role != Role::Optimum)
     }
 
     /// Sets the value of a robust objective that the search has predicted; it is ignored if the objective is not

@@ -14,6 +14,7 @@ pub(super) use {compare::tests, front::FrontPlace};
 
 pub(super) use compare::{Compared, Gain, comparison, prediction_error};
 pub use deaflow_pattern::Role;
+pub(super) use design::Comparison;
 pub use design::{Design, LEAST_MM, StateField};
 pub use front::OtherObjective;
 pub(super) use front::{in_nano, is_cost, objective_words, point_words};

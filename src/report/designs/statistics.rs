@@ -24,10 +24,15 @@ pub struct DesignStatistics {
     /// The largest difference between predicted and simulated of all patterns, including the intuitive ones, as a
     /// fraction of the simulated displacement, or of a tenth of the largest one of the target.
     pub prediction_error: Option<Extreme>,
-    /// Median gain of the best found design of a target over the intuitive one at its own area.
+    /// Median gain of the best found design of a target over the intuitive one at its own area, of the targets where
+    /// that is a fraction.
     pub gain_own_area: Option<f64>,
-    /// The same at equal area.
+    /// The number of these targets.
+    pub gain_own_area_targets: usize,
+    /// The median gain at equal area.
     pub gain_equal_area: Option<f64>,
+    /// The number of its targets.
+    pub gain_equal_area_targets: usize,
 }
 
 /// A fraction, and the design that has it.
@@ -40,6 +45,14 @@ pub struct Extreme {
     /// What it is a ratio to, if it is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub of: Option<&'static str>,
+    /// The number of designs that have none, as they and the optimum move in opposite directions.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub opposite: usize,
+}
+
+/// Whether a number is zero.
+fn is_zero(number: &usize) -> bool {
+    *number == 0
 }
 
 impl DesignStatistics {
@@ -50,12 +63,15 @@ impl DesignStatistics {
         let found = || designs.iter().filter(|design| design.role.is_found());
         let ratio = |role: Role| {
             let own = found().filter(move |d| d.role == role);
+            let is_opposite = |d: &&Design| d.compared.difference_mm.is_some();
+            let opposite = own.clone().filter(is_opposite).count();
             let least = own.filter_map(|d| Some((d.compared.ratio?, d)));
             let (value, design) = least.min_by(|a, b| a.0.total_cmp(&b.0))?;
             Some(Extreme {
                 value,
                 design: design.name.clone(),
                 of: design.compared.optimum_is,
+                opposite,
             })
         };
         let error = targets.iter().flat_map(|target| {
@@ -67,10 +83,10 @@ impl DesignStatistics {
                 Some((error, *design))
             })
         });
-        let gains = |of: &dyn Fn(&Design) -> Option<f64>| {
-            let gains = targets.iter().filter_map(|own| gain(own, of));
-            median(gains.collect())
-        };
+        let [own_area, equal_area] = [0, 1].map(|over| -> Vec<f64> {
+            let gains = targets.iter().filter_map(|own| gain(own, over));
+            gains.collect()
+        });
         Self {
             designs: designs.len(),
             simulated: designs.iter().filter(|design| design.simulated_mm.is_some()).count(),
@@ -78,8 +94,10 @@ impl DesignStatistics {
             refined_to_optimum: ratio(Role::Refined),
             ga_to_optimum: ratio(Role::Ga),
             prediction_error: extreme(error, |value| -value),
-            gain_own_area: gains(&|design| design.compared.intuitive_own),
-            gain_equal_area: gains(&|design| design.compared.intuitive_equal_area),
+            gain_own_area_targets: own_area.len(),
+            gain_own_area: median(own_area),
+            gain_equal_area_targets: equal_area.len(),
+            gain_equal_area: median(equal_area),
             targets: targets.len(),
         }
     }
@@ -104,14 +122,16 @@ fn extreme<'d>(values: impl Iterator<Item = (f64, &'d Design)>, by: impl Fn(f64)
         value,
         design: design.name.clone(),
         of: None,
+        opposite: 0,
     })
 }
 
-/// Returns the gain of the best found design of a target over an intuitive design; refined designs come first.
-fn gain(target: &[&Design], intuitive: &dyn Fn(&Design) -> Option<f64>) -> Option<f64> {
+/// Returns the gain of the best found design of a target over the intuitive design at its own area (`over` is 0) or at
+/// equal area (1), if it is a fraction; refined designs come first.
+fn gain(target: &[&Design], over: usize) -> Option<f64> {
     let of = |role: Role| {
         let own = target.iter().filter(move |design| design.role == role);
-        own.filter_map(|design| design.gain_over(intuitive(design)?))
+        own.filter_map(|design| design.compared.gains[over]?.fraction())
             .max_by(f64::total_cmp)
     };
     of(Role::Refined).or_else(|| of(Role::Ga)).or_else(|| of(Role::Optimum))
@@ -158,6 +178,7 @@ mod tests {
         let error = found.prediction_error.unwrap();
         assert!(close(error.value, 0.02) && error.design == "I-centre-intuitive");
         assert!(close(found.gain_own_area.unwrap(), 0.225));
+        assert_eq!((found.gain_own_area_targets, found.gain_equal_area_targets), (1, 0));
         // The error of a pattern that hardly moves is relative to a tenth of the largest displacement of its target.
         designs[3].simulated_mm = Some(-0.01);
         designs[3].predicted_mm = Some(-0.004);
@@ -167,6 +188,18 @@ mod tests {
             "{error:?}"
         );
         assert_eq!(found.gain_equal_area, None);
+        // The gain over a pattern that moves the other way is no fraction, and counts in no median; a design that moves
+        // the other way has no ratio to the optimum.
+        designs[0].simulated_mm = Some(-0.5);
+        compare(&mut designs);
+        let found = DesignStatistics::of(&designs);
+        assert_eq!((found.gain_own_area, found.gain_own_area_targets), (None, 0));
+        assert_eq!(
+            (found.ga_to_optimum, found.refined_to_optimum.unwrap().opposite),
+            (None, 0)
+        );
+        designs[0].role = Role::Refined;
+        assert_eq!(DesignStatistics::of(&designs).refined_to_optimum.unwrap().opposite, 1);
         assert_eq!(DesignStatistics::of(&[]), DesignStatistics::default());
         assert_eq!(median(vec![3.0, 1.0, 2.0, 10.0]), Some(2.5));
     }

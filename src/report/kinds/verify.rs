@@ -93,9 +93,18 @@ fn with_units(summaries: &[VerificationSummary]) -> Vec<Value> {
     let forces = all.iter_mut().filter(|summary| summary.get("unit").is_some());
     let rows = forces.filter_map(|summary| summary.get_mut("rows")?.as_array_mut());
     for row in rows.flatten().filter_map(Value::as_object_mut) {
-        for value in ["predicted", "simulated", "simulated_error", "difference"] {
-            let known = row.remove(&format!("{value}_mm")).unwrap_or_default();
-            row.insert(format!("{value}_{REACTION_UNIT}"), known);
+        for value in [
+            "predicted",
+            "simulated",
+            "simulated_error",
+            "difference",
+            "gain_own_area",
+            "gain_equal_area",
+            "difference_to_optimum",
+        ] {
+            if let Some(known) = row.remove(&format!("{value}_mm")) {
+                row.insert(format!("{value}_{REACTION_UNIT}"), known);
+            }
         }
     }
     all

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::cards::{FOLDER, deformed, pattern, rest, simulated};
 use crate::designs::{Design, OtherObjective, Role, point_words};
 use crate::drawing::{DeformedMembrane, Sheet, exaggeration};
-use crate::format::{change, mm, percents, three};
+use crate::format::{mm, percents, three};
 use crate::summary::best as best_of;
 use deaflow_base::no_break_units;
 use deaflow_field::CHARGE_UNIT;
@@ -280,18 +280,11 @@ pub(crate) fn facts(design: &Design, all: Option<&[Design]>) -> Vec<String> {
     });
     facts.extend(design.robust_text());
     facts.push(format!("electrode on {} of the membrane", percents(design.area)));
-    let gain = |other: Option<f64>, text: &str| {
-        let gain = design.gain_over(other?)?;
-        Some(format!("{} over the intuitive design {text}", change(gain)))
-    };
-    let compared = &design.compared;
-    facts.extend(gain(compared.intuitive_equal_area, "of the same area"));
-    facts.extend(gain(compared.intuitive_own, "at its own area"));
-    if let (Some(ratio), Some(optimum)) = (compared.ratio, compared.optimum_is)
-        && design.role != Role::Optimum
-    {
-        facts.push(format!("{} of {optimum}", percents(ratio)));
-    }
+    let over = |gain: Option<String>, text: &str| Some(format!("{} over the intuitive design {text}", gain?));
+    let [own, equal] = design.gain_texts();
+    facts.extend(over(equal, "of the same area"));
+    facts.extend(over(own, "at its own area"));
+    facts.extend(design.to_optimum());
     if design.simulated_mm.is_none() {
         facts.push("not verified by finite elements on two meshes".to_owned());
     } else if let Some(error) = design.error_mm {

@@ -129,7 +129,6 @@ fn drawing(design: &Design, description: &str, content: &Markup) -> Markup {
 
 /// Writes the displacement, then what it is compared with.
 fn numbers(design: &Design) -> Markup {
-    let ratio = design.compared.ratio.filter(|_| design.role != Role::Optimum);
     let value = match (simulated(design), design.predicted_mm) {
         (Some(simulated), _) => simulated,
         (None, Some(predicted)) => {
@@ -141,9 +140,7 @@ fn numbers(design: &Design) -> Markup {
     html! {
         p.value {
             b { (value) }
-            @if let (Some(ratio), Some(optimum)) = (ratio, design.compared.optimum_is) {
-                span { (percents(ratio)) " of " (optimum) }
-            }
+            @if let Some(share) = design.to_optimum() { span { (share) } }
         }
         dl { (rows(design)) }
     }
@@ -158,13 +155,10 @@ fn shows_optimum(design: &Design) -> bool {
 fn rows(design: &Design) -> Markup {
     let compared = &design.compared;
     let found = design.role.is_compared();
-    let gain = |other: f64| {
-        let gain = design.gain_over(other).filter(|_| found);
-        gain.map_or_else(String::new, change)
-    };
-    let other = |name, value: Option<f64>, shown: bool| {
+    let [gain_own, gain_equal] = design.gain_texts();
+    let other = |name, value: Option<f64>, shown: bool, gain: Option<String>| {
         let value = value.filter(|_| shown)?;
-        Some((name, design.number(value), gain(value)))
+        Some((name, design.number(value), gain.unwrap_or_default()))
     };
     let error = design.prediction_error().map_or_else(String::new, change);
     let predicted = design
@@ -206,10 +200,14 @@ fn rows(design: &Design) -> Markup {
             percents(design.area),
             format!("{} mm²", three(design.area_mm2())),
         )),
-        other("best by gradient search", compared.optimum, shows_optimum(design))
-            .map(|(name, value, _)| (name, value, String::new())),
-        other("intuitive, own area", compared.intuitive_own, found),
-        other("intuitive, equal area", compared.intuitive_equal_area, found),
+        other("best by gradient search", compared.optimum, shows_optimum(design), None),
+        other("intuitive, own area", compared.intuitive_own, found, gain_own),
+        other(
+            "intuitive, equal area",
+            compared.intuitive_equal_area,
+            found,
+            gain_equal,
+        ),
     ];
     html! {
         @for (name, value, more) in rows.into_iter().flatten().chain(others) {

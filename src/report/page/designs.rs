@@ -169,8 +169,7 @@ const COLUMNS: [(&str, Column); 18] = [
 
 fn row(design: &Design, is_swept: bool) -> Vec<String> {
     let text = |known: Option<String>| known.unwrap_or_default();
-    let gain = |other: Option<f64>| text(other.and_then(|other| design.gain_over(other)).map(change));
-    let compared = &design.compared;
+    let [gain_own, gain_equal] = design.gain_texts();
     let number = match design.member {
         0 => String::new(),
         member => format!(" {}", member + 1),
@@ -210,9 +209,9 @@ fn row(design: &Design, is_swept: bool) -> Vec<String> {
         text(design.prediction_error().map(change)),
         simulated,
         text(design.interval.as_ref().map(|interval| interval.ends())),
-        text(compared.ratio.map(percents)),
-        gain(compared.intuitive_own),
-        gain(compared.intuitive_equal_area),
+        text(design.compared.share_text(design.objective.unit())),
+        text(gain_own),
+        text(gain_equal),
         text(design.distance_mm.map(|off| design.number(off))),
         other(0),
         other(1),

@@ -154,9 +154,14 @@ fn of_designs(found: &DesignStatistics) -> Vec<(String, String)> {
     )];
     // What a single target gains is beside its best design.
     let ratio = |extreme: &Extreme, role: &str| {
-        let least = match several {
-            true => format!("; the lowest of all is {}", extreme.design),
-            false => String::new(),
+        let least = match (several, extreme.opposite) {
+            (true, 0) => format!("; the lowest of all is {}", extreme.design),
+            (true, n) => format!(
+                "; the lowest of all is {}, without {} in the opposite direction",
+                extreme.design,
+                counted(n, "design", "designs")
+            ),
+            (false, _) => String::new(),
         };
         let what = format!(
             "of {}: {role}{least}",
@@ -181,9 +186,12 @@ fn of_designs(found: &DesignStatistics) -> Vec<(String, String)> {
         let what = format!("largest difference between predicted and simulated ({})", e.design);
         (percents(e.value), what)
     }));
-    let gained = |gain: &f64, area: &str| {
-        let median = if several { ", median of the targets" } else { "" };
-        let what = format!("gain of the best design over the intuitive one {area}{median}");
+    let gained = |gain: &f64, targets: usize, area: &str| {
+        let of = match targets == found.targets {
+            true => "the targets".to_owned(),
+            false => format!("{targets} of {} targets", found.targets),
+        };
+        let what = format!("gain of the best design over the intuitive one {area}, median of {of}");
         (change(*gain), what)
     };
     tiles.extend(
@@ -191,14 +199,14 @@ fn of_designs(found: &DesignStatistics) -> Vec<(String, String)> {
             .gain_own_area
             .iter()
             .filter(|_| several)
-            .map(|gain| gained(gain, "at its own area")),
+            .map(|gain| gained(gain, found.gain_own_area_targets, "at its own area")),
     );
     tiles.extend(
         found
             .gain_equal_area
             .iter()
             .filter(|_| several)
-            .map(|gain| gained(gain, "at equal area")),
+            .map(|gain| gained(gain, found.gain_equal_area_targets, "at equal area")),
     );
     if found.not_met > 0 {
         let what = match found.not_met {
@@ -208,4 +216,47 @@ fn of_designs(found: &DesignStatistics) -> Vec<(String, String)> {
         tiles.push((found.not_met.to_string(), what.to_owned()));
     }
     tiles
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn medians_and_lowest_shares_say_what_they_leave_out() {
+        let found = DesignStatistics {
+            targets: 6,
+            designs: 12,
+            simulated: 12,
+            gain_own_area: Some(0.25),
+            gain_own_area_targets: 3,
+            gain_equal_area: Some(0.1),
+            gain_equal_area_targets: 6,
+            refined_to_optimum: Some(Extreme {
+                value: 0.9,
+                design: "a".to_owned(),
+                of: None,
+                opposite: 2,
+            }),
+            ..DesignStatistics::default()
+        };
+        let tiles = of_designs(&found);
+        let tile = |value: &str| {
+            tiles
+                .iter()
+                .find(|(own, _)| own == value)
+                .map(|(_, text)| text.as_str())
+        };
+        let gain = "gain of the best design over the intuitive one";
+        let own = format!("{gain} at its own area, median of 3 of 6 targets");
+        assert_eq!(tile("+25.0 %"), Some(own.as_str()), "{tiles:?}");
+        let equal = format!("{gain} at equal area, median of the targets");
+        assert_eq!(tile("+10.0 %"), Some(equal.as_str()), "{tiles:?}");
+        assert!(
+            tile("90.0 %")
+                .unwrap()
+                .ends_with("the lowest of all is a, without 2 designs in the opposite direction"),
+            "{tiles:?}"
+        );
+    }
 }
