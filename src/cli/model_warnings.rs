@@ -1,6 +1,7 @@
 //! Warnings about effects that simulations neglect, of those about which a scene has data.
 
-use deaflow_fem::screening::{ScreenedScene, TestPattern, resolve_states};
+use deaflow_fem::effects::{EFFECTS, Effect};
+use deaflow_fem::screening::{ScreenedScene, TestPattern, resolve_states, screen_for};
 use deaflow_fem::{SetupError, WorkLimit};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
@@ -37,12 +38,20 @@ pub fn of_states_of_motion(scene: &Scene, patterns: &[Pattern]) -> Result<Vec<St
 }
 
 /// Warns of strain stiffening that is off although the scene has its data: a membrane in space is not screened, and
-/// stretches more than a flat one.
-pub fn in_space(scene: &Scene) -> Option<String> {
+/// stretches more than a flat one. A second line lists the effects that cannot be checked without data.
+///
+/// # Errors
+/// If the effects of the scene cannot be simulated.
+pub fn in_space(scene: &Scene) -> Result<Vec<String>, SetupError> {
     let is_off = scene.effects.strain_stiffening.is_none() && scene.properties.strain_stiffening.is_some();
-    is_off.then(|| {
+    let stiffening = is_off.then(|| {
         "strain stiffening is off and was not checked in space, where it can matter: the scene has its data; add \
          `strain_stiffening: {}` to `effects`"
             .to_owned()
-    })
+    });
+    // Whether a scene has the data of an effect does not depend on patterns.
+    let changing = EFFECTS.into_iter().filter(|effect| effect.changes_displacement());
+    let changing: Vec<&dyn Effect> = changing.collect();
+    let without_data = screen_for(&changing, &scene.in_plane(), &[])?.not_checked();
+    Ok(stiffening.into_iter().chain(without_data).collect())
 }

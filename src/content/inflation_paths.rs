@@ -28,16 +28,22 @@ arrays! {
         max_displacement: Vec<f64> = array("max_displacement", "mm", [point]),
         /// Displacement out of the plane at that corner.
         height: Vec<f64> = array("height", "mm", [point]),
+        /// Displacement out of the plane at the watched corner.
+        watched_height: Vec<f64> = array("watched_height", "mm", [point]),
         /// 1 if the state is stable with what the scene gives, its pressure or its volume.
         stable: Vec<u8> = array("stable", "1", [point]),
         /// 1 if the state is stable at its pressure: not beyond the largest one.
         stable_at_pressure: Vec<u8> = array("stable_at_pressure", "1", [point]),
         /// Share of the membrane that is compressed and would wrinkle.
         wrinkled_fraction: Vec<f64> = array("wrinkled_fraction", "1", [point]),
+        /// Largest electric field relative to the breakdown field, by Huang's law if the scene has none.
+        breakdown_ratio: Vec<f64> = array("breakdown_ratio", "1", [point]),
         /// The first maximum of the pressure over the volume; NaN if the path has none.
         largest_pressure: Vec<f64> = array("largest_pressure", "Pa", [path]),
         /// The volume at that maximum.
         largest_pressure_volume: Vec<f64> = array("largest_pressure_volume", "ml", [path]),
+        /// Column and row of the corner that moves most at the last point.
+        watched_corner: Vec<[u64; 2]> = array("watched_corner", "1", [path, xy]),
         /// Why the path ends; at `limit-point` its last point is the limit.
         end: Vec<String> = array("end", "", [path]),
         /// Displacement of the last point at the cell corners, along x, y and out of the plane.

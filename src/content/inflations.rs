@@ -34,6 +34,8 @@ arrays! {
         first_unstable: Vec<f64> = array("first_unstable", "1", [sample]),
         /// Share of the membrane that is compressed and would wrinkle.
         wrinkled_fraction: Vec<f64> = array("wrinkled_fraction", "1", [sample]),
+        /// Largest electric field relative to the breakdown field, by Huang's law if the scene has none.
+        breakdown_ratio: Vec<f64> = array("breakdown_ratio", "1", [sample]),
         /// Newton steps.
         newton_iterations: Vec<u32> = array("newton_iterations", "1", [sample]),
         /// Conjugate-gradient iterations.

@@ -33,6 +33,11 @@ fn solve(workspace: &Workspace, more: &[&str]) -> Ended {
     workspace.run(&[&first[..], more].concat())
 }
 
+fn column(workspace: &Workspace, path: &str) -> Vec<f64> {
+    let file = hdf5::File::open(workspace.path("out.h5")).unwrap();
+    file.dataset(path).unwrap().read_raw::<f64>().unwrap()
+}
+
 fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value}"))
 }
@@ -109,6 +114,8 @@ fn the_electric_field_under_pressure_is_compared_with_the_breakdown_field() {
         told(&with(&near(1.2), &pressure)),
         ["pattern 0: the electric field exceeds the breakdown field: E/E_B = 1.20"]
     );
+    with("1000 MV/m", &pressure);
+    assert!((column(&workspace, "breakdown_ratio")[0] / ratio - 1.0).abs() < 1e-12);
     // With hardly any pressure it is that of the flat membrane.
     let effects = ["--set", "effects={ dielectric_breakdown: {} }"];
     let flat = with("1000 MV/m", &effects)["breakdown"][0]["breakdown_ratio"].clone();
@@ -153,7 +160,21 @@ fn paths_under_pressure_have_a_table_a_figure_and_the_largest_pressure() {
     let table = std::fs::read_to_string(workspace.path("out.csv")).unwrap();
     assert_eq!(table.lines().count(), points.len() + 1, "{table}");
     assert!(table.starts_with("pattern,voltage_V,pressure_Pa,volume_ml,"), "{table}");
+    let header = table.lines().next().unwrap();
+    assert!(
+        header.ends_with(",wrinkled_fraction,breakdown_ratio,watched_height_mm"),
+        "{header}"
+    );
     assert!(workspace.path("out.png").exists());
+    let each = |key: &str| -> Vec<f64> { points.iter().map(|point| number(&point[key])).collect() };
+    assert_eq!(column(&workspace, "breakdown_ratio"), each("breakdown_ratio"));
+    // One point for all of the path: at its end that which moves most.
+    let (watched, height) = (column(&workspace, "watched_height"), each("height_mm"));
+    assert_eq!(watched, each("watched_height_mm"));
+    assert_eq!((watched[0], watched.last()), (0.0, height.last()));
+    assert!(watched != height, "another point moves most at the beginning");
+    let unchecked = "not checked, no data: strain stiffening, electrode stiffness, stretch dependent permittivity";
+    assert_eq!(document["warnings"][0], unchecked);
 
     // The same limit by pressure.
     let ended = solve(

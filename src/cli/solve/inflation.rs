@@ -83,7 +83,7 @@ impl SpatialEquilibria {
         )?;
         Ok(Self {
             content: content(computation, &scene, &found, seconds),
-            warnings: left_out.into_iter().chain(warnings(&scene, &found)).collect(),
+            warnings: left_out.into_iter().chain(warnings(&scene, &found)?).collect(),
             scene,
             found,
         })
@@ -116,7 +116,7 @@ pub fn resolved(given: &Scene) -> Result<(Scene, Option<String>), CliError> {
 /// When there are any.
 pub fn check_arguments(simulation: &Simulation<'_>) -> Result<(), CliError> {
     let SolveArguments { cells, point, .. } = simulation.arguments;
-    let refused = |option: &str| Err(without_option(&simulation.scene, option));
+    let refused = |help: &str| Err(without_option(&simulation.scene, "this option", help));
     if *cells {
         return refused("remove `--cells`");
     }
@@ -126,9 +126,9 @@ pub fn check_arguments(simulation: &Simulation<'_>) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Returns why an option is not allowed in space, with what to do.
-fn without_option(scene: &Scene, help: &str) -> CliError {
-    CliError::from(SetupError::not_in_space(scene, "this option")).help(help.to_owned())
+/// Returns that a scene in space is not simulated with an option, and what to do.
+pub fn without_option(scene: &Scene, option: &'static str, help: &str) -> CliError {
+    CliError::from(SetupError::not_in_space(scene, option)).help(help.to_owned())
 }
 
 /// Refuses methods and states that are not simulated in space.
@@ -137,7 +137,7 @@ fn without_option(scene: &Scene, help: &str) -> CliError {
 /// When there are any.
 pub fn check(computation: &Computation<'_>) -> Result<(), CliError> {
     let scene = computation.scene;
-    let refused = |option: &str| Err(without_option(scene, option));
+    let refused = |help: &str| Err(without_option(scene, "this option", help));
     if computation.parameters.method() != Method::Newton {
         return refused("use `--method newton`");
     }
@@ -171,8 +171,13 @@ fn is_stable(one: &Inflated) -> bool {
 
 /// Returns the place of a peak.
 pub fn at_mm(peak: &Peak, scene: &Scene) -> [f64; 2] {
+    corner_mm(peak.corner, scene)
+}
+
+/// Returns the place of a corner of cells, given by its column and row.
+pub fn corner_mm(corner: [usize; 2], scene: &Scene) -> [f64; 2] {
     let cell_mm = scene.membrane().cell_mm();
-    [0, 1].map(|axis| peak.corner[axis] as f64 * cell_mm[axis])
+    [0, 1].map(|axis| corner[axis] as f64 * cell_mm[axis])
 }
 
 /// Returns a displacement along x, y and out of the plane, corner by corner.
@@ -182,12 +187,12 @@ pub fn components(displacement: &Field, heights: &[f64]) -> impl Iterator<Item =
     all.flat_map(|(planar, height)| [planar[0], planar[1], *height])
 }
 
-fn warnings(scene: &Scene, found: &[Inflated]) -> Vec<String> {
+fn warnings(scene: &Scene, found: &[Inflated]) -> Result<Vec<String>, SetupError> {
     let stable = || found.iter().enumerate().filter(|(_, one)| is_stable(one));
     let fields = stable().filter_map(|(index, one)| breakdown::warning(scene, index, one.breakdown_ratio));
     let compressed = stable().filter_map(|(index, one)| compressed(scene, index, one.compressed));
-    let neglected = model_warnings::in_space(scene).into_iter();
-    neglected.chain(fields).chain(compressed).collect()
+    let neglected = model_warnings::in_space(scene)?.into_iter();
+    Ok(neglected.chain(fields).chain(compressed).collect())
 }
 
 /// Warns of a compressed share of a membrane.
@@ -245,6 +250,7 @@ fn content(computation: &Computation<'_>, scene: &Scene, found: &[Inflated], sol
         last_stable: limits(0, 1.0),
         first_unstable: limits(1, f64::NAN),
         wrinkled_fraction: known(|one| one.compressed),
+        breakdown_ratio: known(|one| one.breakdown_ratio),
         newton_iterations: found.iter().map(|one| one.newton_iterations).collect(),
         krylov_iterations: found.iter().map(|one| one.krylov_iterations).collect(),
         solve_seconds,

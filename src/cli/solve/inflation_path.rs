@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::breakdown::{BreakdownPlace, FieldAlongPath};
-use super::inflation::{at_mm, check, check_arguments, components, compressed, resolved};
+use super::inflation::{at_mm, check, check_arguments, components, compressed, corner_mm, resolved};
 use super::path::offsets;
 use super::simulation::{Computation, PatternSolver, Simulation};
 use crate::job::{Attachments, JobResult};
@@ -29,7 +29,7 @@ pub fn execute(simulation: Simulation<'_>, parameter: PathParameter, output: &Ou
         warnings,
     } = InflatedPaths::follow(&simulation.computation(), parameter)?;
     let branches: Vec<Branch> = paths.iter().enumerate().map(branch).collect();
-    let axes = axes(parameter);
+    let axes = axes(parameter, &paths, &scene);
     let mut found = json!({
         "parameter": parameter.name(),
         "paths": paths.iter().map(|path| document(path, &scene)).collect::<Vec<_>>(),
@@ -83,7 +83,7 @@ impl InflatedPaths {
         })?;
         Ok(Self {
             content: content(computation.patterns, &paths, &scene),
-            warnings: left_out.into_iter().chain(warnings(&scene, &paths)).collect(),
+            warnings: left_out.into_iter().chain(warnings(&scene, &paths)?).collect(),
             scene,
             paths,
         })
@@ -147,16 +147,22 @@ fn along(parameter: PathParameter, point: &InflationPoint) -> f64 {
 fn across(parameter: PathParameter, point: &InflationPoint) -> f64 {
     match parameter {
         PathParameter::Volume => point.pressure,
-        _ => point.peak.height,
+        _ => point.watched_height,
     }
 }
 
-fn axes(parameter: PathParameter) -> PathAxes {
-    let height = "Height of the point that moves most [mm]";
+fn axes(parameter: PathParameter, paths: &[InflationPath], scene: &Scene) -> PathAxes {
+    let height = match paths {
+        [one] => {
+            let [x, y] = corner_mm(one.watched, scene).map(|mm| (100.0 * mm).round() / 100.0);
+            format!("Height at ({x}, {y}) mm, the point that moves most at the end [mm]")
+        }
+        _ => "Height of the point that moves most at the end of each path [mm]".to_owned(),
+    };
     let [along, unit, across] = match parameter {
-        PathParameter::Voltage => ["Voltage [kV]", "kV", height],
+        PathParameter::Voltage => ["Voltage [kV]", "kV", &height],
         PathParameter::Volume => ["Volume [ml]", "ml", "Pressure [Pa]"],
-        _ => ["Pressure [Pa]", "Pa", height],
+        _ => ["Pressure [Pa]", "Pa", &height],
     };
     PathAxes {
         along: along.to_owned(),
@@ -196,7 +202,7 @@ fn branch((index, path): (usize, &InflationPath)) -> Branch {
     }
 }
 
-fn warnings(scene: &Scene, paths: &[InflationPath]) -> Vec<String> {
+fn warnings(scene: &Scene, paths: &[InflationPath]) -> Result<Vec<String>, SetupError> {
     let of_one = |(index, path): (usize, &InflationPath)| {
         let most = path.points.iter().map(|point| point.compressed).fold(0.0, f64::max);
         compressed(scene, index, most)
@@ -210,8 +216,8 @@ fn warnings(scene: &Scene, paths: &[InflationPath]) -> Vec<String> {
         };
         field(path).warning(scene, index, at, limit(path).is_some())
     });
-    let neglected = model_warnings::in_space(scene).into_iter();
-    neglected.chain(fields).chain(compressed).collect()
+    let neglected = model_warnings::in_space(scene)?.into_iter();
+    Ok(neglected.chain(fields).chain(compressed).collect())
 }
 
 /// Returns the electric field along a path.
@@ -273,6 +279,7 @@ fn document(path: &InflationPath, scene: &Scene) -> Value {
             "largest_displacement_mm": point.peak.mm,
             "height_mm": point.peak.height,
             "at_mm": at_mm(&point.peak, scene),
+            "watched_height_mm": point.watched_height,
             "stable": point.stable,
             "stable_at_pressure": point.stable_at_pressure,
             "wrinkled_fraction": point.compressed,
@@ -296,6 +303,7 @@ fn document(path: &InflationPath, scene: &Scene) -> Value {
         "points": points.collect::<Vec<_>>(),
         "limit": limit,
         "largest_pressure": largest,
+        "watched_corner": path.watched,
         "end": path.end.name(),
     })
 }
@@ -324,11 +332,17 @@ fn content(patterns: &[Pattern], paths: &[InflationPath], scene: &Scene) -> Infl
         volume: each(|point| point.volume),
         max_displacement: each(|point| point.peak.mm),
         height: each(|point| point.peak.height),
+        watched_height: each(|point| point.watched_height),
         stable: is(|point| point.stable),
         stable_at_pressure: is(|point| point.stable_at_pressure),
         wrinkled_fraction: each(|point| point.compressed),
+        breakdown_ratio: each(|point| point.breakdown_ratio),
         largest_pressure: of_largest(|point| point.pressure),
         largest_pressure_volume: of_largest(|point| point.volume),
+        watched_corner: paths
+            .iter()
+            .map(|path| path.watched.map(|corner| corner as u64))
+            .collect(),
         end: paths.iter().map(|path| path.end.name().to_owned()).collect(),
         last_displacement: Packed(last.collect()),
         scene: scene.clone(),
@@ -348,6 +362,8 @@ fn points_table(paths: &[InflationPath]) -> Result<String, CliError> {
         "stable",
         "stable_at_pressure",
         "wrinkled_fraction",
+        "breakdown_ratio",
+        "watched_height_mm",
     ]
     .map(str::to_owned);
     let rows = paths.iter().enumerate().flat_map(|(index, path)| {
@@ -362,6 +378,8 @@ fn points_table(paths: &[InflationPath]) -> Result<String, CliError> {
                 u8::from(point.stable).to_string(),
                 u8::from(point.stable_at_pressure).to_string(),
                 point.compressed.to_string(),
+                point.breakdown_ratio.to_string(),
+                point.watched_height.to_string(),
             ]
         })
     });

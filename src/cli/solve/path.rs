@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 
 use super::breakdown::{BreakdownPlace, FieldAlongPath};
+use super::inflation::without_option;
 use super::simulation::{Computation, Form, PatternSolver, Simulation, States};
 use super::{SolveArguments, inflation_path};
 use crate::job::{Attachments, JobResult, extend};
@@ -46,8 +47,8 @@ pub fn execute(arguments: &SolveArguments, parameter: PathParameter, output: &Ou
         return inflation_path::execute(simulation, parameter, output);
     }
     if simulation.scene.is_in_space() {
-        let error = SetupError::not_in_space(&simulation.scene, "`--path`");
-        return Err(CliError::from(error).help("remove `--path`, or give two numbers for each `load` and `spring`"));
+        let help = "remove `--path`, or give two numbers for each `load` and `spring`";
+        return Err(without_option(&simulation.scene, "`--path`", help));
     }
     let probe = arguments.point.on(&simulation.scene)?;
     let Paths {

@@ -42,6 +42,8 @@ pub struct InflationPoint {
     pub volume: f64,
     /// The corner that moves most.
     pub peak: Peak,
+    /// Displacement out of the plane at the corner of [`InflationPath::watched`], mm.
+    pub watched_height: f64,
     /// Whether it is stable with what is given: its pressure, or its volume.
     pub stable: bool,
     /// Whether it is stable at its pressure.
@@ -63,6 +65,8 @@ pub struct InflationPath {
     pub largest_pressure: Option<usize>,
     /// Why it ends; at [`PathEnd::LimitPoint`] the last point is the limit.
     pub end: PathEnd,
+    /// The cell corner (column, row) that moves most at the last point.
+    pub watched: [usize; 2],
     /// Displacement of the last point in the plane, mm.
     pub displacement: Field,
     /// Displacement of the last point out of the plane at the corners of cells, mm.
@@ -128,6 +132,7 @@ impl InflationPathSolver {
             path: self,
             activity: &flat_solver.model.activity(&flat_solver.grid, pattern),
             points: Vec::new(),
+            heights: Vec::new(),
             largest_pressure: None,
             last: State {
                 x: start,
@@ -143,6 +148,8 @@ struct Follow<'a> {
     path: &'a InflationPathSolver,
     activity: &'a Activity,
     points: Vec<InflationPoint>,
+    /// Displacement of the corners of cells out of the plane at each point, mm.
+    heights: Vec<Vec<f64>>,
     largest_pressure: Option<usize>,
     last: State,
 }
@@ -172,11 +179,18 @@ impl WithMaterial for Follow<'_> {
         };
         let solver = &self.path.solver;
         let (displacement, heights) = solver.sample(&self.last.x);
+        let watched = Peak::of(&displacement, &heights).corner;
+        let [columns, _] = displacement.raster().corner_sides();
+        let at = watched[1] * columns + watched[0];
+        for (point, heights) in self.points.iter_mut().zip(&self.heights) {
+            point.watched_height = heights[at];
+        }
         Ok(InflationPath {
             parameter: self.path.parameter,
             points: self.points,
             largest_pressure: self.largest_pressure,
             end,
+            watched,
             displacement,
             heights,
         })
@@ -194,11 +208,14 @@ impl Follow<'_> {
             pressure: pascals * state.pressure,
             volume: millilitres * search.volume(&state.x),
             peak: Peak::of(&displacement, &heights),
+            // Which corner is watched is known at the end of the path.
+            watched_height: 0.0,
             stable: stable[0],
             stable_at_pressure: stable[1],
             compressed: search.compressed(&state.x),
             breakdown_ratio: solver.breakdown_ratio(search, &state.x, voltage),
         });
+        self.heights.push(heights);
         self.last = state;
     }
 
