@@ -470,13 +470,17 @@ pub fn remarks(results: &[SampleResult], critical_note: Option<&str>) -> Text {
 /// Describes an electric field that is close to the breakdown field or exceeds it.
 pub fn breakdown(ratio: f64) -> Option<String> {
     let is = match ratio {
-        1.0.. => "exceeds",
+        1.005.. => "exceeds",
+        1.0.. => "is at",
         Breakdown::NEAR.. => "is close to",
         _ => return None,
     };
-    Some(format!(
-        "the electric field {is} the breakdown field: E/E_B = {ratio:.2}"
-    ))
+    // A field below the breakdown field is not rounded to it.
+    let ratio = match ratio {
+        0.995..1.0 => rounded_by(ratio, 1.0 - ratio),
+        _ => format!("{ratio:.2}"),
+    };
+    Some(format!("the electric field {is} the breakdown field: E/E_B = {ratio}"))
 }
 
 /// What deserves attention in a stable solution that a finer mesh could reject.
@@ -704,7 +708,14 @@ mod tests {
             searched.contains("between 6100 V and 6110 V")
                 && searched.contains("close to the breakdown field: E/E_B = 0.93")
         );
-        assert!(told(None, Some(1.04), Some(1.0)).contains("exceeds the breakdown field: E/E_B = 1.04"));
+        for (ratio, words) in [
+            (1.04, "exceeds the breakdown field: E/E_B = 1.04"),
+            (1.001, "is at the breakdown field: E/E_B = 1.00"),
+            (0.9962, "is close to the breakdown field: E/E_B = 0.9962"),
+            (0.994, "is close to the breakdown field: E/E_B = 0.99"),
+        ] {
+            assert!(told(None, Some(ratio), Some(1.0)).contains(words), "{ratio}");
+        }
         // The limit of finer meshes was not found: that of this mesh is told, or once that there is none.
         let on_this_mesh = told(Some(None), None, Some(1.0));
         assert!(on_this_mesh.contains("6100 V") && on_this_mesh.contains("close to instability"));

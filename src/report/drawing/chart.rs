@@ -409,23 +409,32 @@ impl Chart {
         }
     }
 
-    /// Draws labels beside the points, so that they cover neither points nor each other.
+    /// Draws labels beside the points, so that they cover neither points nor lines nor the labels of any series.
     fn labels(&self, series: &Series) -> Markup {
         let pixel = |(x, y): (f64, f64)| (x.round() as i32, y.round() as i32);
+        let pixels =
+            |series: &Series| -> Vec<(i32, i32)> { series.points.iter().map(|p| pixel(self.at(*p))).collect() };
         let [left, top, right, bottom] = self.frame().map(|v| v as i32);
         let mut labels = LabelPlacer::new([left..right + (RIGHT - 2.0) as i32, top..bottom]);
-        let others = self.series.iter().filter(|other| other.mark != Mark::Dashed);
-        let all = others.flat_map(|series| &series.points);
-        all.for_each(|point| labels.avoid_point(pixel(self.at(*point)), 4));
-        let line: Vec<(i32, i32)> = series.points.iter().map(|p| pixel(self.at(*p))).collect();
-        labels.avoid_line(&line);
+        for other in self.series.iter().filter(|other| other.mark != Mark::Dashed) {
+            let points = pixels(other);
+            points.iter().for_each(|point| labels.avoid_point(*point, 4));
+            if !matches!(other.mark, Mark::Dots | Mark::Cloud | Mark::Bars) {
+                labels.avoid_line(&points);
+            }
+        }
         let width = |text: &String| (LETTER * text.chars().count() as f64) as i32;
-        let requests: Vec<_> = line
-            .iter()
-            .zip(&series.texts)
-            .map(|(at, text)| (*at, (width(text), LINE)))
-            .collect();
-        let offsets = labels.place(&requests, GAP);
+        let requested = |labelled: &Series| -> Vec<_> {
+            let requests = pixels(labelled).into_iter().zip(&labelled.texts);
+            requests.map(|(at, text)| (at, (width(text), LINE))).collect()
+        };
+        // All series are placed together; those before this one come first.
+        let labelled = || self.series.iter().filter(|other| other.mark == Mark::Labelled);
+        let before = labelled().take_while(|other| !std::ptr::eq(*other, series));
+        let before = before.flat_map(requested).count();
+        let all = labels.place(&labelled().flat_map(requested).collect::<Vec<_>>(), GAP);
+        let offsets: Vec<LabelOffset> = all.into_iter().skip(before).collect();
+        let (line, requests) = (pixels(series), requested(series));
         html! {
             @for ((((x, y), size), text), offset) in requests.iter().zip(&series.texts).zip(&offsets) {
                 circle class="ring" cx=(x) cy=(y) r="6" {}

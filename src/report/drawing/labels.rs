@@ -117,7 +117,9 @@ impl LabelPlacer {
         let count = |boxes: &[Rect]| boxes.iter().filter(|other| overlap(own, **other)).count() as i64;
         let [left, top, right, bottom] = self.frame;
         let outside = own[0] < left || own[1] < top || own[2] > right || own[3] > bottom;
-        1000 * (count(&self.taken) + count(others)) + 25 * count(&self.lines) + if outside { 5000 } else { 0 }
+        // Beside the frame are the numbers of the axes.
+        let beside = if outside { OUTSIDE } else { 0 };
+        1000 * (count(&self.taken) + count(others)) + 25 * count(&self.lines) + beside
     }
 }
 
@@ -138,6 +140,9 @@ struct PlacedLabel {
 
 /// Rounds of placement.
 const ROUNDS: usize = 6;
+
+/// What a label outside of the frame costs: more than one that covers all points of a curve.
+const OUTSIDE: i64 = 1_000_000;
 
 fn overlap(a: Rect, b: Rect) -> bool {
     a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
@@ -164,6 +169,19 @@ mod tests {
             let others = labels.taken.iter().chain(&boxes[at + 1..]);
             assert_eq!(others.filter(|other| overlap(*own, **other)).count(), 0, "{own:?}");
         }
+    }
+
+    #[test]
+    fn a_label_in_a_dense_curve_stays_in_the_frame() {
+        let point = (10, 60);
+        let mut labels = LabelPlacer::new([0..300, 0..120]);
+        (0..200).for_each(|k| labels.avoid_point((4 + k, 60), 4));
+        (0..100).for_each(|k| labels.avoid_point((10 + k, 20 + k), 4));
+        (0..200).for_each(|k| labels.avoid_point((4 + k, 40), 4));
+        (0..200).for_each(|k| labels.avoid_point((4 + k, 80), 4));
+        let spot = labels.place(&[(point, (90, 13))], 10)[0];
+        let (left, top) = (point.0 + spot.x, point.1 + spot.y);
+        assert!(left >= 0 && top >= 0 && top + 13 <= 120, "{spot:?}");
     }
 
     #[test]
