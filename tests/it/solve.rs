@@ -285,6 +285,34 @@ fn a_path_finds_the_voltage_at_which_stability_is_lost() {
 }
 
 #[test]
+fn neglected_effects_are_judged_below_the_limit_of_a_path() {
+    let workspace = workspace("0 V");
+    workspace.write("half.csv", &csv(|x, _| x < 25));
+    let warnings = |voltage: &str| {
+        let scene = SCENE.replace("VOLTAGE", voltage);
+        let known = "properties: { strain_stiffening: { model: gent, jm: 100 } }\n";
+        workspace.write("scene.yaml", &format!("{scene}{known}"));
+        let ended = workspace.run(&["solve", "scene.yaml", "half.csv", "-o", "out.h5", "--path", "--json"]);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        (
+            ended.json()["warnings"].to_string(),
+            ended.json()["paths"][0]["limit"]["voltage"].as_f64().unwrap(),
+        )
+    };
+    let (told, limit) = warnings("12 kV");
+    assert!(limit < 12e3, "{limit}");
+    assert!(
+        told.contains("strain stiffening is off; switched on, the displacement") && !told.contains("work limit"),
+        "{told}"
+    );
+    let at = "neglected effects are judged at ";
+    assert!(told.contains(at), "{told}");
+    // A voltage that the pattern reaches is that of the scene.
+    let (told, _) = warnings("1 kV");
+    assert!(!told.contains(at), "{told}");
+}
+
+#[test]
 fn a_path_says_where_the_electric_field_exceeds_the_breakdown_field() {
     let workspace = workspace("0 V");
     workspace.write("half.csv", &csv(|x, _| x < 25));

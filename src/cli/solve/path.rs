@@ -141,9 +141,11 @@ impl Paths {
             .filter_map(|path| controlled.breakdown(&scene, path))
             .collect();
         // The field at the voltage of the scene is that of a point of the path.
-        let neglected = model_warnings::of_equilibria(&observing_breakdown(&scene), computation.patterns)?;
+        let (screened, note) = below_limit(&scene, &paths);
+        let neglected = model_warnings::of_equilibria(&observing_breakdown(&screened), computation.patterns)?;
+        let neglected = note.into_iter().chain(neglected);
         Ok(Self {
-            warnings: neglected.into_iter().chain(breakdown).chain(buckling).collect(),
+            warnings: neglected.chain(breakdown).chain(buckling).collect(),
             content: LoadPaths {
                 point: probe.map(|probe| probe.described()),
                 ..load_paths(computation.patterns, &paths, scene)
@@ -152,6 +154,28 @@ impl Paths {
             controlled,
         })
     }
+}
+
+/// Beyond the lowest limit of paths of the voltage, neglected effects are judged at this share of it: some pattern has
+/// no stable state at the voltage of the scene.
+const BELOW_LIMIT: f64 = 0.8;
+
+/// Returns the scene at a voltage at which each pattern is stable, as far as paths of the voltage tell, and a line if
+/// that is not the voltage of the scene.
+fn below_limit(scene: &Scene, paths: &[PatternPath]) -> (Scene, Option<String>) {
+    let of_voltage = paths.iter().filter(|one| one.path.parameter == PathParameter::Voltage);
+    let limits = of_voltage.filter_map(|one| Some(one.path.limit()?.voltage));
+    let lowest = limits.fold(f64::INFINITY, f64::min);
+    if scene.at_largest_voltages().voltage_v() <= lowest {
+        return (scene.clone(), None);
+    }
+    let voltage = BELOW_LIMIT * lowest;
+    let lower = scene.at_voltage(voltage).with_effects(scene.effects.clone());
+    let note = format!(
+        "neglected effects are judged at {} V, as stability is lost below the voltage of the scene",
+        four_digits(voltage)
+    );
+    (lower, Some(note))
 }
 
 /// Help where a path of loads or displacements cannot start.
