@@ -180,7 +180,7 @@ struct SweepPlan<'a> {
     /// Names of the axes, in the order of the command line.
     names: Vec<String>,
     /// Overrides of single values, and of values by axes.
-    changes: Vec<String>,
+    changes: Vec<Override>,
     /// The name of the stage that collects the results.
     table: String,
     /// The fields that have been set.
@@ -242,12 +242,14 @@ impl<'a> SweepPlan<'a> {
                 .help("combine the values: --set PATH=VALUE,VALUE"));
         }
         if one {
-            self.changes.push(set.to_owned());
+            self.changes.push(Override::parse(set)?);
             return Ok(());
         }
         let stages = self.stages_of(steps, set)?;
         let axis = self.axis(steps);
-        self.changes.push(format!("{path}=\"${{{axis}}}\""));
+        // Messages quote the values as they are given, not the axis.
+        let of_axis = Override::parse(&format!("{path}=\"${{{axis}}}\""))?;
+        self.changes.push(of_axis.quoting(&parsed));
         for stage in stages {
             self.axes
                 .entry(stage)
@@ -302,7 +304,7 @@ impl<'a> SweepPlan<'a> {
 
     /// Returns the overrides.
     fn overrides(&self) -> Result<Vec<Override>, CliError> {
-        let mut sets = self.changes.clone();
+        let mut sets = Vec::new();
         for (stage, axes) in &self.axes {
             let own = self.root.peek("stages").and_then(|stages| stages.peek(stage));
             if own.is_some_and(|own| own.peek("foreach").is_some()) {
@@ -324,7 +326,14 @@ impl<'a> SweepPlan<'a> {
         if !self.arguments.table.is_empty() && is_known {
             sets.push(self.table_stage()?);
         }
-        sets.iter().map(|set| Ok(Override::parse(set)?)).collect()
+        let added = sets.iter().map(|set| Override::parse(set));
+        Ok(self
+            .changes
+            .iter()
+            .cloned()
+            .map(Ok)
+            .chain(added)
+            .collect::<Result<_, _>>()?)
     }
 
     /// Returns the stage after which the run stops: the table needs what is collected, and the stage of `--until`.

@@ -188,6 +188,7 @@ fn a_pipeline_is_swept_without_editing_it() {
             "--plot",
         ),
         (&["--set", "stages.drawn.count=3,x", "--table", "samples"], "`count`"),
+        (&["--set", "stages.drawn.cuont=3,4"], "did you mean `count`?"),
         (
             &[
                 "--set",
@@ -228,6 +229,8 @@ fn a_pipeline_is_swept_without_editing_it() {
             "{named}: {}",
             ended.stderr
         );
+        // Axes that the command has named are not quoted.
+        assert!(!ended.stderr.contains("${"), "{}", ended.stderr);
         printed.add(arguments.join(" "), ended);
     }
     snapshot!(printed);

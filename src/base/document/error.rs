@@ -78,26 +78,37 @@ pub fn nearest<'w>(word: &str, allowed: &[&'w str]) -> Option<&'w str> {
             let is_similar = *distance < longest && *distance <= 1 + longest / 3;
             is_similar || word.eq_ignore_ascii_case(candidate)
         })
-        .min_by_key(|(distance, _)| *distance)
+        // Of equally similar words a forgotten letter is likelier than a wrong one: `sids` is `sides`, not `side`.
+        .min_by_key(|(distance, candidate)| (*distance, !has_letters(candidate, word)))
         .map(|(_, candidate)| candidate)
+}
+
+/// Whether a word has the letters of another one in their order.
+fn has_letters(word: &str, of: &str) -> bool {
+    let mut letters = word.chars();
+    of.chars().all(|letter| letters.any(|own| own == letter))
 }
 
 /// Returns the help text for a word that is not allowed.
 pub(super) fn suggestion(word: &str, allowed: &[&str]) -> String {
-    let list = if allowed.is_empty() {
-        "nothing".to_owned()
-    } else {
-        // Variants of a mapping share keys; each is listed once.
-        let mut listed: Vec<&str> = Vec::with_capacity(allowed.len());
-        for word in allowed {
-            if !listed.contains(word) {
-                listed.push(word);
-            }
+    suggested(word, ("allowed", allowed))
+}
+
+/// Returns the help text for a word that is none of some words, with a name for these.
+pub(super) fn suggested(word: &str, (name, words): (&str, &[&str])) -> String {
+    if words.is_empty() {
+        return "this value has no parts".to_owned();
+    }
+    // Variants of a mapping share keys; each is listed once.
+    let mut listed: Vec<&str> = Vec::with_capacity(words.len());
+    for word in words {
+        if !listed.contains(word) {
+            listed.push(word);
         }
-        listed.join(", ")
-    };
-    match nearest(word, allowed) {
-        Some(near) => format!("did you mean `{near}`? allowed: {list}"),
-        None => format!("allowed: {list}"),
+    }
+    let list = listed.join(", ");
+    match nearest(word, words) {
+        Some(near) => format!("did you mean `{near}`? {name}: {list}"),
+        None => format!("{name}: {list}"),
     }
 }

@@ -1,10 +1,13 @@
 //! `--set`: values from the command line, checked like those of a file.
 
-use super::error::{InputError, nearest, suggestion};
+use super::error::{InputError, nearest, suggested, suggestion};
 use super::node::{Node, NodeValue};
 
 /// The key that a path of one step can replace.
 const SCENE: &str = "scene";
+
+/// What messages call the keys that a mapping of the file has.
+const IN_FILE: &str = "in the file";
 
 /// Errors quote only the value if the path has more bytes.
 const MAX_QUOTED_PATH: usize = 500;
@@ -133,6 +136,16 @@ impl Override {
         Self { value, ..self.clone() }
     }
 
+    /// Returns the override with messages that quote another one of the same path.
+    #[must_use]
+    pub fn quoting(self, other: &Self) -> Self {
+        Self {
+            keys: other.keys.clone(),
+            value: other.value.with_value(self.value.value),
+            ..self
+        }
+    }
+
     /// The path of the field.
     #[must_use]
     pub fn path(&self) -> &[String] {
@@ -187,7 +200,7 @@ impl Override {
                 let message = format!("{}: there is no `{last}` to remove", self.name);
                 return Err(self.keys[steps.len()]
                     .error(message)
-                    .help(suggestion(last, &as_strs(&known))));
+                    .help(suggested(last, (IN_FILE, &as_strs(&known)))));
             }
             (Some(position), _) => entries[position].1 = self.value.clone(),
             (None, _) => entries.push((self.keys[steps.len()].clone(), self.value.clone())),
@@ -218,6 +231,8 @@ impl Override {
         };
         let help = match parent {
             Some(parent) => did_you_mean(&self.path, depth, parent),
+            // More parts are allowed than those that the file has.
+            None if depth >= self.created_from => suggested(step, (IN_FILE, &as_strs(known))),
             None => suggestion(step, &as_strs(known)),
         };
         let message = format!("{}: no `{step}` in {place}", self.name);

@@ -83,6 +83,14 @@ impl Node {
             NodeValue::Text(item) | NodeValue::Number(item) => Err(self
                 .wrong_type(field, "a list")
                 .help(format!("a list of one item is written [{item}]"))),
+            NodeValue::Map(entries) => Err(match entries.first() {
+                // A path of --set to an item of a list that is not there.
+                Some((key, _)) if key.describe_plain().parse::<usize>().is_ok() => self.error(format!(
+                    "`{field}` must be a list, found item {} alone: write the whole list",
+                    key.describe_plain()
+                )),
+                _ => self.wrong_type(field, "a list"),
+            }),
             _ => Err(self.wrong_type(field, "a list")),
         }
     }

@@ -84,6 +84,17 @@ fn an_override_creates_missing_parts_of_a_scene_but_not_what_looks_misspelt() {
     assert_eq!(geometry.written(), "{ side: 50 mm, sides: { right: free } }");
     let misspelt = apply(&mut alone, Override::of_scene("geometri.side=1").unwrap()).unwrap_err();
     assert!(misspelt.contains("no `geometri` in the scene"), "{misspelt}");
+    // The scene may have more parts than it has.
+    let help = |text: &str| {
+        Override::of_scene(text)
+            .unwrap()
+            .apply(&mut alone.clone())
+            .unwrap_err()
+            .help
+    };
+    let expected = "did you mean `geometry`? in the file: geometry, properties";
+    assert_eq!(help("geometri.side=1").as_deref(), Some(expected));
+    assert_eq!(help("geometry.x.y=null").as_deref(), Some("this value has no parts"));
     let mut pipeline = parse("scene: { geometry: { side: 50 mm } }\nstages: {}\n");
     apply(&mut pipeline, Override::parse("scene.properties.density=960").unwrap()).unwrap();
     assert!(has_density(pipeline.peek("scene").unwrap()));
@@ -120,6 +131,31 @@ fn an_override_replaces_an_item_of_a_list() {
         geometry.written(),
         "{ prestretch: [3, 2.5], bodies: [{ load: [3 N, 0 N] }] }"
     );
+}
+
+#[test]
+fn an_item_of_a_list_that_is_not_there_cannot_be_set() {
+    let mut node = parse("scene: { geometry: { side: 50 mm } }\n");
+    let set = Override::parse("scene.geometry.load.0=1 N").unwrap();
+    set.apply(&mut node).unwrap();
+    let load = node
+        .peek("scene")
+        .unwrap()
+        .peek("geometry")
+        .unwrap()
+        .peek("load")
+        .unwrap();
+    assert_eq!(
+        load.list("load").unwrap_err().to_string(),
+        "`load` must be a list, found item 0 alone: write the whole list"
+    );
+}
+
+#[test]
+fn a_forgotten_letter_is_likelier_than_a_wrong_one() {
+    assert_eq!(nearest("sids", &["side", "size", "sides"]), Some("sides"));
+    assert_eq!(nearest("sde", &["side", "size", "sides"]), Some("side"));
+    assert_eq!(nearest("sidd", &["side", "size", "sides"]), Some("side"));
 }
 
 #[test]

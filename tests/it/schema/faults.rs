@@ -29,11 +29,11 @@ fn help(error: &InputError) -> String {
 /// The allowed keys, which are listed at the end of the help.
 fn allowed(error: &InputError) -> BTreeSet<String> {
     let help = help(error);
+    if help == "this value has no parts" {
+        return BTreeSet::new();
+    }
     let (_, list) = help.rsplit_once(": ").unwrap_or_else(|| panic!("{error}: {help}"));
-    list.split(", ")
-        .filter(|key| *key != "nothing")
-        .map(str::to_owned)
-        .collect()
+    list.split(", ").map(str::to_owned).collect()
 }
 
 fn with_key(document: &Value, place: &str, key: &str, value: Value) -> Value {
