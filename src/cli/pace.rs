@@ -32,6 +32,8 @@ pub struct Pace {
     pub length: u64,
     /// The estimated time of the plan, without steps of an earlier process.
     estimate: Option<f64>,
+    /// Whether steps are of several kinds: finished ones say nothing of the rest.
+    is_mixed: bool,
     /// Steps of an earlier process.
     before: u64,
     /// The time of the first progress, and the steps of this process until then.
@@ -56,6 +58,12 @@ impl Pace {
             estimate,
             ..Self::default()
         }
+    }
+
+    /// The same for steps of several kinds, such as generations and refinements, of which only the plan can tell how
+    /// long the rest takes.
+    pub fn of_several_kinds(self) -> Self {
+        Self { is_mixed: true, ..self }
     }
 
     /// Sets the number of finished steps, and of all.
@@ -148,6 +156,7 @@ impl Pace {
         let rest = |rate: f64| (steps / rate - (at - self.last)).max(0.0);
         let measured = self.rate(self.last).map(rest).filter(is_known);
         match (measured, self.estimate) {
+            _ if self.is_mixed && self.length > 1 => self.estimate_left(at),
             _ if self.overdue(at).is_some() => None,
             (Some(measured), Some(estimate)) => {
                 let weight = self.own().min(1.0);
@@ -236,6 +245,28 @@ mod tests {
         pace.advance(20.0, 1);
         assert_eq!(pace.describe(45.0), "3.0/min, 35.0 s left");
         assert_eq!(pace.describe(55.0), "3.0/min, current step: 35.0 s");
+    }
+
+    #[test]
+    fn finished_steps_of_another_kind_do_not_tell_the_time_left() {
+        // Fast generations, and a refinement that takes minutes.
+        let generations = |estimate| {
+            let mut pace = Pace::new(14, estimate).of_several_kinds();
+            for step in 1..=13 {
+                pace.advance(0.2 * f64::from(step), 1);
+            }
+            pace
+        };
+        assert_eq!(generations(None).describe(2.6), "5.0/s");
+        // The plan knows the time of an earlier build.
+        assert_eq!(generations(Some(60.0)).describe(2.6), "5.0/s, 57.4 s left");
+        assert_eq!(generations(Some(60.0)).describe(30.0), "5.0/s, 30.0 s left");
+        assert_eq!(generations(Some(60.0)).describe(60.0), "5.0/s, current step: 57.4 s");
+        // A single step has parts of one kind.
+        let mut single = Pace::new(1, None).of_several_kinds();
+        single.set_part(0.0, 0.0);
+        single.set_part(10.0, 0.5);
+        assert_eq!(single.describe(10.0), "3.0/min, 10.0 s left");
     }
 
     /// Checks that the time left falls without progress, from one time to another, until it is not known or over.

@@ -25,6 +25,9 @@ const MIN_DIFFERENCE: f64 = 0.05;
 /// The most reasons that are listed when a stage begins.
 const MAX_REASONS: usize = 3;
 
+/// The unit of steps of several kinds; steps of one kind have its name.
+const SEVERAL_KINDS: &str = "steps";
+
 /// The time between two plain lines.
 const INTERVAL: Duration = Duration::from_secs(10);
 
@@ -130,7 +133,10 @@ impl Bar {
         let state = Arc::new(Mutex::new(BarState {
             name: printable(name).into_owned(),
             unit,
-            pace: Pace::new(length, estimate),
+            pace: match unit {
+                SEVERAL_KINDS => Pace::new(length, estimate).of_several_kinds(),
+                _ => Pace::new(length, estimate),
+            },
             note: String::new(),
         }));
         let form = match bars {
