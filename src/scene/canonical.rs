@@ -58,7 +58,7 @@ impl Scene {
         format!("{{ {} }}", self.written(tolerances).join(", "))
     }
 
-    /// Returns the scene in YAML, with a line for each section.
+    /// Returns the scene in YAML, with a line for each section; a drive that follows from its states is left out.
     #[must_use]
     pub fn to_yaml(&self) -> String {
         self.to_yaml_with(None)
@@ -67,8 +67,16 @@ impl Scene {
     /// Returns the text of [`Scene::to_yaml`] with the tolerances of the scene.
     #[must_use]
     pub fn to_yaml_with(&self, tolerances: Option<&Tolerances>) -> String {
-        let lines = self.written(tolerances).into_iter();
-        lines.map(|section| section + "\n").collect()
+        let mut lines = self.written(tolerances);
+        let of_states = self
+            .states
+            .iter()
+            .next()
+            .map(|(_, first)| Drive::of(first.clone()).normalised());
+        if of_states.is_some_and(|drive| drive == self.drive) {
+            lines.retain(|section| !section.starts_with("drive:"));
+        }
+        lines.into_iter().map(|section| section + "\n").collect()
     }
 
     /// Returns the sections in YAML, in the usual order.

@@ -267,6 +267,12 @@ fn equal_voltages_and_states_have_one_canonical_form() {
     let states = "states: { push: { voltages: [5 kV, 0 V] }, pull: { voltages: [1 kV, 4 kV] } }";
     let several = of(states).unwrap();
     assert_eq!(Scene::from_text(&several.to_text()).unwrap(), several);
+    let yaml = several.to_yaml();
+    assert!(!yaml.contains("drive"), "{yaml}");
+    assert_eq!(Scene::from_text(&yaml).unwrap(), several);
+    // A drive that is not that of the first state stays.
+    let own = of(&format!("drive: {{ voltages: [5 kV, 0 V] }}, {states}")).unwrap();
+    assert_eq!(Scene::from_text(&own.to_yaml()).unwrap(), own);
     let names: Vec<String> = several
         .in_states()
         .into_iter()

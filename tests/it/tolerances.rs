@@ -281,10 +281,11 @@ fn a_stage_has_the_numbers_of_the_command_and_simulates_only_new_devices() {
 #[test]
 fn designs_are_made_and_what_a_stage_cannot_simulate_is_refused() {
     let workspace = Workspace::new();
-    workspace.write(
-        "scene.yaml",
-        &format!("{}{TOLERANCES}", SCENE.replace("cells: 10", "cells: 20")),
+    let scene = format!(
+        "{}properties: {{ density: 960 kg/m3 }}\n{TOLERANCES}",
+        SCENE.replace("cells: 10", "cells: 20")
     );
+    workspace.write("scene.yaml", &scene);
     workspace.write(
         "made.yaml",
         "version: 1
@@ -308,6 +309,28 @@ stages:
         let [made, verified] = [&made["as_drawn_mm"], &verified["simulated_mm"]].map(number);
         assert!((made - verified).abs() < 1e-9, "{made} {verified}");
     }
+    // The scene of a stage is exported with what the stage does not read, as long as the file has it.
+    let exported = |stage: &str| {
+        let ended = workspace.run(&["export", "scene", stage, "-o", "exported.yaml"]);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        (
+            std::fs::read_to_string(workspace.path("exported.yaml")).unwrap(),
+            ended.stderr,
+        )
+    };
+    for stage in ["best", "made", "made.yaml:checked"] {
+        let (text, said) = exported(stage);
+        assert!(
+            text.contains("density: 960") && text.contains("lost_cells"),
+            "{stage}: {text}"
+        );
+        assert!(!said.contains("warning"), "{stage}: {said}");
+    }
+    workspace.write("scene.yaml", &scene.replace("5.25 kV", "5 kV"));
+    let (text, said) = exported("best");
+    assert!(text.contains("5250 V") && !text.contains("density"), "{text}");
+    assert!(said.contains("perhaps without `properties`"), "{said}");
+    workspace.write("scene.yaml", &scene);
     let refused = |set: &str, why: &str| {
         let ended = workspace.run(&["plan", "made.yaml", "--set", set]);
         assert_eq!(ended.code, Some(2), "{set}: {}", ended.stdout);

@@ -6,9 +6,11 @@ use clap::Args;
 use serde_json::json;
 
 use crate::arguments::StoreArguments;
-use crate::{CliError, Exit, Output, locate, write};
+use crate::{CliError, Exit, Output, locate, pipeline, write};
+use deaflow_base::Override;
 use deaflow_content::StoredAttribute;
 use deaflow_scene::{Scene, Tolerances};
+use deaflow_store::Store;
 
 #[derive(Debug, Args)]
 #[command(after_help = examples!("deaflow export scene fitted -o fitted.yaml"))]
@@ -23,6 +25,49 @@ pub struct ExportSceneArguments {
     pub store: StoreArguments,
 }
 
+/// The kind of stage whose scene is its result.
+const FIT: &str = "fit";
+
+/// Returns the scene and the tolerances of a stage of a pipeline that is named, or that ran last with such a stage, if
+/// it is the scene of its artifact, with what the stage does not read.
+fn in_pipeline(
+    store: &Store,
+    reference: &str,
+    of_artifact: &Scene,
+) -> Result<Option<(Scene, Option<Tolerances>)>, CliError> {
+    let (path, stage, sets) = match locate::split(reference) {
+        Some((path, stage)) => (PathBuf::from(path), stage.to_owned(), Vec::new()),
+        None => {
+            let named = reference.rsplit_once(':');
+            let (stage, pipeline) = named.map_or((reference, None), |(pipeline, stage)| (stage, Some(pipeline)));
+            let Some(run) = store.last_run_with(stage, pipeline)? else {
+                return Ok(None);
+            };
+            let sets = run.overrides.iter().map(|(path, value)| format!("{path}={value}"));
+            (PathBuf::from(&run.path), stage.to_owned(), sets.collect())
+        }
+    };
+    let read = || {
+        let sets = sets.iter().map(|set| Override::parse(set));
+        let file = pipeline::load_file(&path, &sets.collect::<Result<Vec<_>, _>>()?, true)?;
+        let of_sweep = file.sweep(&stage).and_then(|sweep| sweep.stages.first());
+        let name = of_sweep.unwrap_or(&stage);
+        let Some(scene) = file
+            .stages
+            .iter()
+            .find(|spec| spec.name == *name)
+            .and_then(|spec| file.scene_of(spec))
+        else {
+            return Ok(None);
+        };
+        Ok::<_, CliError>(Some((Scene::read(&scene)?, Tolerances::of_scene(&scene)?)))
+    };
+    // The file may have been changed or removed since.
+    let found = read().ok().flatten();
+    let is_same = |scene: &Scene| scene.without_time().differences(&of_artifact.without_time()).is_empty();
+    Ok(found.filter(|(scene, _)| is_same(scene)))
+}
+
 pub fn execute(arguments: &ExportSceneArguments, output: &Output) -> Result<Exit, CliError> {
     write::check_output(&arguments.output, std::slice::from_ref(&arguments.artifact))?;
     let store = locate::existing_store(&arguments.store.folder_of_any([&arguments.artifact]))?;
@@ -34,6 +79,20 @@ pub fn execute(arguments: &ExportSceneArguments, output: &Output) -> Result<Exit
             .help("name a stage of kind fit, compare, solve, import, train, design or verify")
     })?;
     let tolerances: Option<Tolerances> = StoredAttribute::new(&artifact, "tolerances").read()?;
+    let (scene, tolerances) = match kind {
+        // That of a fit is complete.
+        FIT => (scene, tolerances),
+        _ => match in_pipeline(&store, &arguments.artifact, &scene)? {
+            Some((all, of_file)) => (all, tolerances.or(of_file)),
+            None => {
+                output.warn(
+                    "the artifact has what its stage reads of the scene, perhaps without `properties`, the time course \
+                     of the drive and `tolerances`; a pipeline with the same scene was not found",
+                );
+                (scene, tolerances)
+            }
+        },
+    };
     let text = format!(
         "# The scene of artifact {} ({kind}).\n{}",
         digest.short(),
