@@ -1,6 +1,7 @@
 //! `deaflow diff`: compares the parameters and results of two runs.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use clap::Args;
 use serde_json::{Value, json};
@@ -23,10 +24,11 @@ use deaflow_orchestrator::is_filled;
 pub struct DiffArguments {
     /// A run (@1 is the last in `deaflow log`, @2 the one before it, PIPELINE.yaml@1 the last of a pipeline, or its
     /// digits),
-    /// a pipeline, a lock file, or an artifact by its digits [default: compare the last two runs]
+    /// a pipeline, a lock file, or an artifact by its digits [default: compare the last two runs of the pipeline that
+    /// was run last]
     #[arg(value_name = "A")]
     pub from: Option<String>,
-    /// The other side; without it, a pipeline is compared with itself with the overrides of --set
+    /// The other side; without it, a pipeline is compared with its last run, or with itself with the overrides of --set
     #[arg(value_name = "B")]
     pub to: Option<String>,
     #[command(flatten)]
@@ -53,18 +55,20 @@ pub fn execute(arguments: &DiffArguments, output: &Output) -> Result<Exit, CliEr
     )?;
     let reader = SnapshotReader::new(&store);
     let sets = arguments.set.overrides()?;
-    let from = arguments.from.as_deref().unwrap_or("@2");
-    let to = match arguments.from {
-        Some(_) => arguments.to.as_deref(),
-        None => Some("@1"),
-    };
-    let (from, to) = match to {
-        Some(to) => (reader.read(from, &[])?, reader.read(to, &sets)?),
-        None if sets.is_empty() => {
+    let (from, to) = match (arguments.from.as_deref(), arguments.to.as_deref()) {
+        (Some(from), Some(to)) => (reader.read(from, &[])?, reader.read(to, &sets)?),
+        (Some(from), None) if !sets.is_empty() => (reader.read(from, &[])?, reader.read(from, &sets)?),
+        (Some(pipeline), None) if locate::is_pipeline(Path::new(pipeline)) => {
+            (reader.read(&format!("{pipeline}@1"), &[])?, reader.read(pipeline, &[])?)
+        }
+        (Some(_), None) => {
             return Err(CliError::bad_input("nothing to compare it with")
                 .help("name two runs, as in `deaflow diff @2 @1`, or a pipeline and --set"));
         }
-        None => (reader.read(from, &[])?, reader.read(from, &sets)?),
+        (None, _) => {
+            let [from, to] = reader.last_two()?;
+            (from, to)
+        }
     };
     if !sets.is_empty() && !to.can_be_set {
         return Err(

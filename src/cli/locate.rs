@@ -72,8 +72,7 @@ pub fn artifact_with(store: &Store, reference: &str, sets: &[String]) -> Result<
 /// When the reference is a pipeline.
 pub fn check_stage_is_named(reference: &str, kind: Option<&str>) -> Result<(), CliError> {
     let path = Path::new(reference);
-    let is_yaml = path.extension().is_some_and(|e| e == "yaml" || e == "yml");
-    if !is_yaml || !path.is_file() {
+    if !is_pipeline(path) || !path.is_file() {
         return Ok(());
     }
     let pipeline = pipeline::load_plain(path)?;
@@ -115,11 +114,16 @@ fn removed_error(removed: &RemovedArtifact) -> CliError {
         .help("build it again with `deaflow run`; `deaflow pin` protects artifacts from gc")
 }
 
+/// Whether a path is that of a pipeline, by its ending.
+pub fn is_pipeline(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|extension| extension == "yaml" || extension == "yml")
+}
+
 /// Splits `PIPELINE.yaml:STAGE`; the path may contain colons.
 pub fn split(reference: &str) -> Option<(&str, &str)> {
     let (pipeline, stage) = reference.rsplit_once(':')?;
-    let extension = Path::new(pipeline).extension()?;
-    (extension == "yaml" || extension == "yml").then_some((pipeline, stage))
+    is_pipeline(Path::new(pipeline)).then_some((pipeline, stage))
 }
 
 fn of_pipeline(store: &Store, path: &Path, name: &str, sets: &[String]) -> Result<ArtifactId, CliError> {

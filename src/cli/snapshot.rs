@@ -182,6 +182,27 @@ impl<'a> SnapshotReader<'a> {
         }
     }
 
+    /// Reads the last run, and the one before it of the same pipeline; the earlier one first.
+    ///
+    /// # Errors
+    /// When there are no two, or the store cannot be read.
+    pub fn last_two(&self) -> Result<[Snapshot; 2], CliError> {
+        let last = self.of_number("", "1")?;
+        let mut runs = self.store.runs()?;
+        let newest = runs.next().transpose()?;
+        for run in runs {
+            let run = run?;
+            if newest
+                .as_ref()
+                .is_some_and(|newest| (&run.path, run.command) == (&newest.path, newest.command))
+            {
+                return Ok([self.of_run(&run)?, last]);
+            }
+        }
+        Err(CliError::bad_input("the pipeline of the last run has no other run")
+            .help("name two runs, as in `deaflow diff @2 @1`"))
+    }
+
     /// Reads a run by its position in the list of all runs, or of those of a pipeline; 1 is the last.
     fn of_number(&self, pipeline: &str, number: &str) -> Result<Snapshot, CliError> {
         let Some(position) = number.parse::<usize>().ok().filter(|position| *position > 0) else {

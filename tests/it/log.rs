@@ -243,6 +243,25 @@ fn what_cannot_be_compared_is_refused() {
 }
 
 #[test]
+fn the_last_two_runs_of_one_pipeline_are_compared_and_a_pipeline_with_its_last_run() {
+    let workspace = two_runs();
+    let (both, _) = diff(&workspace, &["@2", "@1"]);
+    workspace.write("other.yaml", SHORT);
+    let only = |workspace: &Workspace| workspace.run(&["diff"]).stderr;
+    workspace.stages(&["run", "other.yaml", "--set", "stages.small.count=8"]);
+    assert!(only(&workspace).contains("no other run"), "{}", only(&workspace));
+    // The run of the other pipeline lies between these two.
+    workspace.stages(&["run", "short.yaml"]);
+    let back = diff(&workspace, &[]).0;
+    let paths = |changes: &[Value]| changes.iter().map(|change| change["path"].clone()).collect::<Vec<_>>();
+    assert_eq!(paths(&back), paths(&both));
+    // The file against the run with an override, and against one without.
+    let (changed, _) = diff(&workspace, &["other.yaml"]);
+    assert_eq!(changed, [json!({ "path": "stages.small.count", "from": 8, "to": 60 })]);
+    assert_eq!(diff(&workspace, &["short.yaml"]), (Vec::new(), Vec::new()));
+}
+
+#[test]
 fn history_belongs_to_the_file_and_not_to_its_name() {
     let workspace = two_runs();
     workspace.write("copy.yaml", &SHORT.replace("seed: 1", "seed: 7"));
