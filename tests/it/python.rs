@@ -321,6 +321,7 @@ fn scenes_results_and_errors_are_pickled() {
 fn an_interrupt_ends_a_simulation_within_a_second() {
     script(&with_scenes(), "processes.py", "interrupt");
     script(&with_scenes(), "processes.py", "interrupt_here");
+    script(&with_scenes(), "processes.py", "interrupt_design");
 }
 
 #[test]

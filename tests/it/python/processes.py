@@ -139,6 +139,29 @@ def interrupt_here():
         assert np.array_equal(result.displacement, expected.displacement)
 
 
+def interrupt_design():
+    """A search runs in a process of its own, which the signal to this one does not reach."""
+    scene = deaflow.Scene.read("plain.yaml", {"geometry.cells": 50})
+    objective = {"point": ["20 mm", "20 mm"], "direction": "0 deg"}
+    sent = []
+
+    def send():
+        sent.append(time.monotonic())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    for callback in [None, lambda line: None]:
+        timer = threading.Timer(2.0, send)
+        timer.start()
+        try:
+            scene.design(objective, area=0.5, evaluator="newton", seed=1, callback=callback)
+            raise SystemExit("not interrupted")
+        except KeyboardInterrupt:
+            waited = time.monotonic() - sent[-1]
+        # The process ends with it: what is running is finished, and kept.
+        assert waited < 3.0, waited
+        print(f"interrupted after {waited:.2f} s", file=sys.stderr)
+
+
 def memory():
     def pages():
         return int(open("/proc/self/statm").read().split()[1])
@@ -156,4 +179,4 @@ def memory():
 
 
 if __name__ == "__main__":
-    {f.__name__: f for f in (threads_and_processes, other_threads_run, pickling, interrupt, interrupt_here, memory)}[sys.argv[1]]()
+    {f.__name__: f for f in (threads_and_processes, other_threads_run, pickling, interrupt, interrupt_here, interrupt_design, memory)}[sys.argv[1]]()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
@@ -107,7 +108,8 @@ def _outcome(words: list[str], progress: Union[str, Callable[[dict[str, Any]], o
     errors: list[str] = []
     with tempfile.TemporaryFile("w+", encoding="utf-8") as printed:
         stderr = None if is_shown else subprocess.PIPE
-        process = subprocess.Popen(words, stdout=printed, stderr=stderr, encoding="utf-8")
+        # In a session of its own it does not get the Ctrl-C of a terminal, and a second signal would end it at once.
+        process = subprocess.Popen(words, stdout=printed, stderr=stderr, encoding="utf-8", start_new_session=True)
         try:
             for line in process.stderr or ():
                 event = None if isinstance(progress, str) else _event(line)
@@ -115,15 +117,12 @@ def _outcome(words: list[str], progress: Union[str, Callable[[dict[str, Any]], o
                     errors.append(line)
                 else:
                     progress(event)
-        except KeyboardInterrupt:
-            # It was interrupted too, and keeps what is finished.
-            process.communicate()
-            raise
+            process.wait()
         except BaseException:
-            process.terminate()
+            # It ends soon, and keeps what is finished.
+            process.send_signal(signal.SIGINT)
             process.communicate()
             raise
-        process.communicate()
         printed.seek(0)
         return process.returncode, printed.read(), "".join(errors)
 
