@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::arguments::{StoreArguments, integer, pipeline_parser};
 use super::run_log::{UnfinishedRun, unfinished};
-use super::snapshot::{Snapshot, SnapshotReader};
+use super::snapshot::{Snapshot, SnapshotReader, is_same_pipeline};
 use super::table::Cell;
 use super::text::Text;
 use super::tone::Tone;
@@ -252,7 +252,7 @@ fn changed(runs: &[Run], store: &Store) -> Result<Vec<Vec<String>>, CliError> {
         })
         .collect::<Result<_, _>>()?;
     let of = |at: usize| {
-        let is_same = |other: &usize| runs[*other].path == runs[at].path && runs[*other].command == runs[at].command;
+        let is_same = |other: &usize| is_same_pipeline(&runs[*other], &runs[at]);
         let Some(before) = (at + 1..runs.len()).find(is_same) else {
             return Vec::new();
         };

@@ -151,6 +151,11 @@ fn by_path<'s>(stages: impl Iterator<Item = (&'s NamedStage, Option<Canonical>)>
     all
 }
 
+/// Whether two runs are of the same file by the same command.
+pub fn is_same_pipeline(one: &Run, other: &Run) -> bool {
+    (&one.path, one.command) == (&other.path, other.command)
+}
+
 /// Reads snapshots of what arguments name.
 pub struct SnapshotReader<'a> {
     store: &'a Store,
@@ -187,16 +192,14 @@ impl<'a> SnapshotReader<'a> {
     /// # Errors
     /// When there are no two, or the store cannot be read.
     pub fn last_two(&self) -> Result<[Snapshot; 2], CliError> {
-        let last = self.of_number("", "1")?;
         let mut runs = self.store.runs()?;
-        let newest = runs.next().transpose()?;
+        let Some(last) = runs.next().transpose()? else {
+            return Err(self.no_run("@1", 0));
+        };
         for run in runs {
             let run = run?;
-            if newest
-                .as_ref()
-                .is_some_and(|newest| (&run.path, run.command) == (&newest.path, newest.command))
-            {
-                return Ok([self.of_run(&run)?, last]);
+            if is_same_pipeline(&run, &last) {
+                return Ok([self.of_run(&run)?, self.of_run(&last)?]);
             }
         }
         Err(CliError::bad_input("the pipeline of the last run has no other run")
@@ -230,15 +233,20 @@ impl<'a> SnapshotReader<'a> {
         } else {
             format!(" of {pipeline}")
         };
-        Err(CliError::bad_input(format!(
-            "there is no run @{position}{of}: {} recorded in {}",
+        Err(self.no_run(&format!("@{position}{of}"), seen))
+    }
+
+    /// Returns that there is no run of a name among those that were seen.
+    fn no_run(&self, name: &str, seen: usize) -> CliError {
+        CliError::bad_input(format!(
+            "there is no run {name}: {} recorded in {}",
             match seen {
                 1 => "1 run is".to_owned(),
                 _ => format!("{seen} runs are"),
             },
             self.store.root().display()
         ))
-        .help("list them with `deaflow log`"))
+        .help("list them with `deaflow log`")
     }
 
     /// Reads the parameters of a run, without its results.

@@ -39,7 +39,7 @@ impl Genome {
         Self::random_within(&Units::all(), area, 1, grain, stream)
     }
 
-    /// A random genome: round(`area` · 400) of the `allowed` units are on, or all of them if they are fewer.
+    /// A random genome: round(`area` · 400) of the allowed units are on, or all of them if they are fewer.
     ///
     /// White noise is averaged over 3 × 3 units `grain` times, and the units with the highest values are on. At grain
     /// 0 each choice of units is equally likely; a higher grain gives coarser regions. The units are divided into

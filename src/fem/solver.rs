@@ -236,9 +236,9 @@ impl MembraneSolver {
         self.solve_in(pattern, &mut self.scratch(self.scaled(limit))).0
     }
 
-    /// Simulates one pattern from displacements of the nodes near its equilibrium, by a full step of Newton's method and
-    /// those after it. `None` if that does not lead to a stable equilibrium, if the material may have several, or if
-    /// the charge is prescribed: [`Self::solve`] loads it from rest.
+    /// Simulates one pattern from displacements of the nodes near its equilibrium. `None` if Newton's method does not
+    /// lead to a stable equilibrium from there, if the material may have several, or if the charge is prescribed:
+    /// [`Self::solve`] loads it from rest.
     #[must_use]
     pub fn solve_near(&self, pattern: &Pattern, start: &[f64]) -> Option<MeshSolution> {
         let mut scratch = self.near_scratch();

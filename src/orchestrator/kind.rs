@@ -101,7 +101,7 @@ pub trait Kind: Sync {
         both.map(Canonical::clone)
     }
 
-    /// Returns the parameters that a stage has from the scene, by the keys of its own that it could have in their place.
+    /// Returns the parameters that a stage has from the scene, by the keys that it could have in their place.
     fn scene_parameters(&self, stage: &Node) -> &'static [&'static str] {
         let _ = stage;
         &[]

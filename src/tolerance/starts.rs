@@ -1,8 +1,8 @@
 //! Where the solutions of devices start.
 //!
 //! A device differs from the pattern as drawn mostly by its [drive](device::drive). So the pattern is solved at three
-//! drives, and the displacements of a device are interpolated between these: a start that is two steps of Newton's method
-//! from the solution, where the undisplaced membrane is four or five.
+//! drives, and the displacements of a device are interpolated between these: a start that is fewer steps of Newton's
+//! method from the solution than the undisplaced membrane.
 
 use deaflow_fem::{MembraneSolver, SetupError};
 use deaflow_pattern::Pattern;
