@@ -336,9 +336,18 @@ fn one_process_puts_a_stage_together_and_others_wait_for_it() {
         assert_eq!(outcome.unwrap().stages[0].outcome, Outcome::Left);
         let last = keys.last().unwrap();
         std::fs::remove_file(lab.record_file(last)).unwrap();
-        let (outcome, _) = std::thread::scope(|scope| {
-            let waiting = scope.spawn(|| lab.run_with(&text, &[], &options));
-            while !store.record_index().unwrap().contains(last) {
+        // A run that found the chunk before it waits would assemble the stage itself.
+        let waits = AtomicBool::new(false);
+        let listener = |event: &Event| {
+            if matches!(event, Event::Note { text, .. } if text.contains("assembling this")) {
+                waits.store(true, Ordering::SeqCst);
+            }
+        };
+        let pipeline = lab.pipeline(&text, &[]);
+        let outcome = std::thread::scope(|scope| {
+            let waiting = scope.spawn(|| run(&pipeline, &lab.store(), &options, &environment(), &listener));
+            while !waits.load(Ordering::SeqCst) {
+                assert!(!waiting.is_finished(), "it ended without waiting");
                 std::thread::sleep(Duration::from_millis(5));
             }
             give(&keys[1]);
