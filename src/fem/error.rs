@@ -136,10 +136,7 @@ pub enum SetupError {
         x: usize,
     },
     /// Borders that elements cannot follow.
-    #[error(
-        "elements cannot follow the curves of this device: {0}. Use smaller elements, or `curves: cells` and \
-         `edges: cells`"
-    )]
+    #[error("elements cannot follow the curves of this device: {0}")]
     Borders(FitFault),
     /// Elements that follow curves, with an incompatible setting.
     #[error("elements follow no curves together with {with}: use `curves: cells` and `edges: cells`, or remove it")]

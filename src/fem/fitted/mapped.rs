@@ -6,9 +6,13 @@ use super::{Content, NodeLayout};
 use crate::element::Line;
 use crate::kinematics::Tensor;
 use crate::precision::{BothPrecisions, Precision};
+use deaflow_pattern::Part;
 
 /// Smallest area of a point relative to a point of a square element.
-const SMALLEST: f64 = 1e-3;
+const SMALLEST: f64 = 1e-5;
+
+/// A cell and the number of its half.
+pub(super) type Half = (usize, usize);
 
 /// Mapped elements, in rows of [`NodeLayout::part`] elements like those of the grid.
 #[derive(Clone, Debug, PartialEq)]
@@ -186,17 +190,18 @@ impl Mapped {
     /// units of gradients.
     ///
     /// # Errors
-    /// If an element is too flat, with a point of it.
+    /// If elements that are not frame are too flat, with their cells and halves.
     pub(super) fn new(
         layout: NodeLayout,
         scale: [f64; 2],
         snapped: &Snapped,
         fine: &[Point],
         content: impl Fn(usize, usize) -> Content,
-    ) -> Result<(Self, Vec<bool>), Point> {
+    ) -> Result<(Self, Vec<bool>), Vec<Half>> {
         let (degree, part) = (layout.degree(), layout.part());
         let [columns, rows] = [layout.columns(), layout.rows()];
         let (mut elements, mut is_mapped) = (Vec::new(), Vec::with_capacity(columns * rows));
+        let (mut halves, mut flat) = (Vec::new(), Vec::new());
         for cell in 0..columns * rows {
             let place = [cell % columns, cell / columns];
             let corners = match snapped.splits[cell] {
@@ -208,6 +213,7 @@ impl Mapped {
                 None => Vec::new(),
             };
             is_mapped.push(!corners.is_empty());
+            halves.extend((0..corners.len()).map(|half| (cell, half)));
             elements.extend(corners.into_iter().enumerate().map(|(half, corners)| MappedElement {
                 place,
                 content: content(cell, half),
@@ -236,7 +242,12 @@ impl Mapped {
                 }
                 let area = map[0][0] * map[1][1] - map[0][1] * map[1][0];
                 if area < SMALLEST * scale[0] * scale[1] || area.is_nan() {
-                    return Err(positions[count / 2]);
+                    // A frame that touches a side leaves elements that are as flat as one likes. They do not count.
+                    if element.content.part == Part::Frame {
+                        continue;
+                    }
+                    flat.push(halves[number]);
+                    break;
                 }
                 areas[(row * count + q) * part + column] = weight * area;
                 for (node, [s, t]) in along.into_iter().take(count).enumerate() {
@@ -249,6 +260,9 @@ impl Mapped {
                     }
                 }
             }
+        }
+        if !flat.is_empty() {
+            return Err(flat);
         }
         let unmapped = (0..rows * part).map(|at| match at % part < columns {
             true => f64::from(u8::from(!is_mapped[at / part * columns + at % part])),

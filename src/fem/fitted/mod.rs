@@ -66,13 +66,22 @@ pub struct Content {
 pub enum FitFault {
     /// Borders are too close to each other at a point in mm.
     #[error(
-        "near [{:.2} mm, {:.2} mm] borders are closer to each other than an element, or have details that small",
+        "near [{:.2} mm, {:.2} mm] borders are closer to each other than an element, or have details that small. Use \
+         smaller elements, or `curves: cells` and `edges: cells`",
         .0[0], .0[1]
     )]
     Crowded([f64; 2]),
+    /// An element would be too flat, at a point in mm.
+    #[error(
+        "near [{:.2} mm, {:.2} mm] a border touches a side or another border, and elements between them are too flat. \
+         Move it by at least the side of an element, or use `curves: cells` and `edges: cells`",
+        .0[0], .0[1]
+    )]
+    Flat([f64; 2]),
     /// A region on the mesh has another area than its shape.
     #[error(
-        "on the elements {region} is {} mm² {} than its shape{}",
+        "on the elements {region} is {} mm² {} than its shape{}. Use smaller elements, or `curves: cells` and `edges: \
+         cells`",
         deaflow_base::four_digits(less.abs()), if *less > 0.0 { "smaller" } else { "larger" },
         near.map_or_else(String::new, |[x, y]| format!(", near [{x:.2} mm, {y:.2} mm]"))
     )]
@@ -124,17 +133,28 @@ impl Fitted {
                 near: near.map(in_mm),
             },
         };
-        let snapped = Snapped::new(elements, &curves).map_err(fault)?;
-        let fine = mapped::fine_nodes(elements, &snapped, &curves);
-        snapped
-            .check_areas(&curves, |cell, half| {
-                mapped::area(elements, &snapped, &fine, cell, half)
-            })
-            .map_err(fault)?;
-        let content =
-            |cell: usize, half: usize| content(&enclosed, borders, |curve| snapped.is_inside(cell, half, curve));
-        let (mapped, is_mapped) = Mapped::new(layout, scale, &snapped, &fine, content).map_err(crowded)?;
-        let regular = (0..elements[0] * elements[1]).map(|cell| (!is_mapped[cell]).then(|| content(cell, 0)));
+        let mut snapped = Snapped::new(elements, &curves).map_err(fault)?;
+        let content = |snapped: &Snapped, cell: usize, half: usize| {
+            content(&enclosed, borders, |curve| snapped.is_inside(cell, half, curve))
+        };
+        let (fine, mapped, is_mapped) = loop {
+            let fine = mapped::fine_nodes(elements, &snapped, &curves);
+            let area = |cell: usize, half: usize| mapped::area(elements, &snapped, &fine, cell, half);
+            snapped.check_areas(&curves, area).map_err(fault)?;
+            match Mapped::new(layout, scale, &snapped, &fine, |cell, half| {
+                content(&snapped, cell, half)
+            }) {
+                Ok((mapped, is_mapped)) => break (fine, mapped, is_mapped),
+                Err(flat) => {
+                    // Where a border meets another one or a side at a small angle, its curve may fold elements.
+                    let straighten = |(cell, half): &mapped::Half| snapped.straighten(*cell, *half);
+                    if flat.iter().map(straighten).filter(|is_new| *is_new).count() == 0 {
+                        return Err(FitFault::Flat(in_mm(snapped.middle_of(flat[0].0))));
+                    }
+                }
+            }
+        };
+        let regular = (0..elements[0] * elements[1]).map(|cell| (!is_mapped[cell]).then(|| content(&snapped, cell, 0)));
         let [columns, rows] = layout.nodes();
         let every = 2 / layout.degree();
         let wide = 2 * elements[0] + 1;

@@ -6,7 +6,7 @@
 //! The numbers of vertices and their neighbours stay.
 
 use std::cmp::{Ordering, Reverse};
-use std::collections::BinaryHeap;
+use std::collections::{BTreeSet, BinaryHeap};
 
 use super::curve::{Curve, Part, Point, distance};
 
@@ -44,6 +44,8 @@ pub struct Snapped {
     pub splits: Vec<Option<Diagonal>>,
     /// For each cell and each of its two halves, whether it is inside each border; both are equal without a split.
     inside: Vec<[Vec<bool>; 2]>,
+    /// Edges between two vertices, the smaller number first, whose middle does not move to a border.
+    straight: BTreeSet<[usize; 2]>,
 }
 
 /// A diagonal of a cell.
@@ -136,6 +138,7 @@ impl Snapped {
                 signs,
                 splits: Vec::new(),
                 inside: Vec::new(),
+                straight: BTreeSet::new(),
             },
         };
         snapper.take_corners();
@@ -167,6 +170,27 @@ impl Snapped {
         self.inside[cell][half][curve]
     }
 
+    /// Makes the edges of a half of a cell straight, as one that is flat would fold otherwise. Returns whether some
+    /// were not.
+    pub fn straighten(&mut self, cell: usize, half: usize) -> bool {
+        let vertices = self.vertices_of(cell);
+        // Anticlockwise around the cell.
+        let corners = match self.splits[cell] {
+            None => vec![0, 1, 3, 2],
+            Some(diagonal) => diagonal.halves()[half].to_vec(),
+        };
+        let ends = corners.iter().zip(corners.iter().cycle().skip(1));
+        let edges = ends.map(|(a, b)| [vertices[*a].min(vertices[*b]), vertices[*a].max(vertices[*b])]);
+        let before = self.straight.len();
+        self.straight.extend(edges);
+        self.straight.len() > before
+    }
+
+    /// Returns the middle of the vertices of a cell.
+    pub fn middle_of(&self, cell: usize) -> Point {
+        middle(&self.vertices_of(cell).map(|vertex| self.vertices[vertex]))
+    }
+
     /// Returns the middle of an edge between two vertices: on the border, if it separates the halves (cell, half) on
     /// either side of it.
     pub fn middle(&self, curves: &[Curve], [a, b]: [usize; 2], beside: [Option<(usize, usize)>; 2]) -> Point {
@@ -175,6 +199,9 @@ impl Snapped {
         let [Some(one), Some(other)] = beside else {
             return straight;
         };
+        if self.straight.contains(&[a.min(b), a.max(b)]) {
+            return straight;
+        }
         let separating = (0..curves.len()).find(|&curve| {
             let signs = &self.signs[curve];
             let inside = |(cell, half): (usize, usize)| self.inside[cell][half][curve];

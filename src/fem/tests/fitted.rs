@@ -49,24 +49,33 @@ fn solve(geometry: &str, borders: Borders, mesh: Mesh) -> (MembraneSolver, MeshS
 }
 
 fn disc_frame(cells: usize) -> String {
+    disc_frame_on(50.0, cells)
+}
+
+fn disc_frame_on(side: f64, cells: usize) -> String {
+    let middle = 0.5 * side;
     format!(
-        "side: 50 mm, prestretch: 3, cells: {cells}, frame: {{ opening: {{ disc: {{ centre: [25 mm, 25 mm], radius: 20 \
-         mm }} }} }}"
+        "side: {side} mm, prestretch: 3, cells: {cells}, frame: {{ opening: {{ disc: {{ centre: [{middle} mm, \
+         {middle} mm], radius: 20 mm }} }} }}"
     )
 }
 
-/// Errors at three radii of the disc of known displacement.
-fn errors_of_disc(cells: usize, mesh: Mesh) -> [f64; 3] {
+/// Errors at three radii of the disc of known displacement on a square with this side in mm.
+fn errors_of_disc(side: f64, cells: usize, mesh: Mesh) -> [f64; 3] {
+    let middle = 0.5 * side;
     let borders = Borders {
-        opening: Some(disc([25.0; 2], 20.0)),
-        electrodes: Some(vec![(1, disc([25.0; 2], 10.0))]),
+        opening: Some(disc([middle; 2], 20.0)),
+        electrodes: Some(vec![(1, disc([middle; 2], 10.0))]),
         ..Borders::default()
     };
-    let (solver, solution) = solve(&disc_frame(cells), borders, mesh);
+    let (solver, solution) = solve(&disc_frame_on(side, cells), borders, mesh);
     let field = solver.field(&solution);
-    assert!(solution.krylov_iterations <= 10 * solution.newton_iterations);
+    assert!(
+        solution.krylov_iterations <= 10 * solution.newton_iterations,
+        "{solution:?}"
+    );
     let at = |r: f64| {
-        let x = ((25.0 + r) * cells as f64 / 50.0) as usize;
+        let x = ((middle + r) * cells as f64 / side).round() as usize;
         field.at_corner(x, cells / 2)[0]
     };
     [
@@ -86,11 +95,63 @@ fn at(solver: &MembraneSolver, solution: &MeshSolution, [x, y]: Point) -> Point 
 #[test]
 fn a_disc_has_its_known_displacement() {
     for (order, most, slope) in [(Order::Bilinear, 1.4e-3, 1.9), (Order::Biquadratic, 1e-5, 0.0)] {
-        let all = [25, 50, 100].map(|cells| errors_of_disc(cells, Mesh::new(1, order)));
+        let all = [25, 50, 100].map(|cells| errors_of_disc(50.0, cells, Mesh::new(1, order)));
         let largest = all.map(|errors| errors.iter().fold(0.0_f64, |most, error| most.max(error.abs())));
         assert!(largest[1] < most, "{order:?} {all:?}");
         // Second order; biquadratic elements reach the precision of the outlines.
         assert!((largest[0] / largest[2]).log2() / 2.0 > slope, "{order:?} {all:?}");
+    }
+}
+
+#[test]
+fn a_round_frame_may_touch_the_sides() {
+    // Between the frame and the sides, elements are as flat as one likes. They are all frame.
+    for (order, elements, most) in [
+        (Order::Bilinear, 2, 4e-4),
+        (Order::Biquadratic, 1, 1e-5),
+        (Order::Biquadratic, 3, 1e-6),
+        (Order::Biquadratic, 4, 1e-6),
+        (Order::Biquadratic, 8, 1e-6),
+    ] {
+        for side in [40.0, 40.000_1, 40.01] {
+            let errors = errors_of_disc(side, 40, Mesh::new(elements, order));
+            let largest = errors.iter().fold(0.0_f64, |most, error| most.max(error.abs()));
+            // Corners of cells are not at the three radii.
+            let most = most + 0.1 * (side - 40.0);
+            assert!(largest < most, "{order:?} {elements} {side}: {errors:?}");
+        }
+    }
+}
+
+#[test]
+fn round_electrodes_may_touch_or_cross_the_sides() {
+    // At the sides, elements are flat, and curves may fold them: these are straight then.
+    let membrane = Polygons::new(&[vec![[0.0, 0.0], [50.0, 0.0], [50.0, 50.0], [0.0, 50.0]]]);
+    let displacement = |radius: f64, mesh: Mesh| {
+        let borders = Borders {
+            electrodes: Some(vec![(1, disc([25.0; 2], radius).intersection(&membrane))]),
+            ..Borders::default()
+        };
+        let (solver, solution) = solve("side: 50 mm, prestretch: 3, cells: 50", borders, mesh);
+        let [x, y] = at(&solver, &solution, [42.0, 42.0]);
+        assert!((x - y).abs() < 1e-6, "{radius} {mesh:?}: {x} {y}");
+        x
+    };
+    for (radius, near) in [
+        (24.9, 24.8),
+        (24.999, 24.9),
+        (25.0, 24.9),
+        (25.01, 24.9),
+        (25.3, 25.2),
+        (26.0, 25.9),
+    ] {
+        let all = [1, 2, 3, 4].map(|elements| displacement(radius, Mesh::biquadratic(elements)));
+        let slope = (displacement(near, Mesh::biquadratic(2)) - all[1]) / (near - radius);
+        for found in all {
+            assert!((found - all[3]).abs() < 1e-3, "{radius}: {all:?}");
+        }
+        // Without jumps as a function of the radius.
+        assert!(slope.abs() < 0.4, "{radius}: {slope}");
     }
 }
 
