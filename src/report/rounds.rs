@@ -11,9 +11,10 @@ use super::artifacts::StageArtifact;
 use super::error::ReportError;
 use super::figures::{Round, rounds_sheet};
 use super::format::{figure_name, mm, percents};
-use super::summary::{RowSummary, VerificationSummary};
+use super::summary::{VerificationSummary, best_rows};
 use deaflow_base::Digest;
 use deaflow_orchestrator::Rounds;
+use deaflow_pattern::Role;
 
 /// The rounds of a verify stage.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -177,29 +178,16 @@ fn rms(values: &[f64]) -> Option<f64> {
 }
 
 fn best(summary: &VerificationSummary) -> Vec<BestOfTarget> {
-    let mut best: Vec<(&RowSummary, f64)> = Vec::new();
-    for row in summary.rows.iter().filter(|row| row.role.is_searched()) {
-        let Some(simulated_mm) = row.simulated_mm else { continue };
-        let same = |other: &RowSummary| (&other.case, &other.name) == (&row.case, &row.name);
-        match best.iter_mut().find(|(other, _)| same(other)) {
-            Some(there) if is_better(row, simulated_mm, there) => *there = (row, simulated_mm),
-            Some(_) => {}
-            None => best.push((row, simulated_mm)),
-        }
-    }
-    let of_target = |(row, simulated_mm): (&RowSummary, f64)| BestOfTarget {
-        case: row.case.clone(),
-        name: row.name.clone(),
-        simulated_mm,
+    let of_target = |at: usize| {
+        let row = &summary.rows[at];
+        Some(BestOfTarget {
+            case: row.case.clone(),
+            name: row.name.clone(),
+            simulated_mm: row.simulated_mm?,
+        })
     };
-    best.into_iter().map(of_target).collect()
-}
-
-fn is_better(row: &RowSummary, simulated_mm: f64, (other, other_mm): &(&RowSummary, f64)) -> bool {
-    match (row.distance_mm, other.distance_mm) {
-        (Some(own), Some(others)) => own < others,
-        _ => simulated_mm > *other_mm,
-    }
+    let best = best_rows(&summary.rows, Role::is_searched).into_iter();
+    best.filter_map(of_target).collect()
 }
 
 impl BestOfTarget {
@@ -265,9 +253,9 @@ mod tests {
     use std::sync::Arc;
 
     use super::super::designs::Comparison;
+    use super::super::summary::RowSummary;
     use super::*;
     use deaflow_field::OutcomeKind;
-    use deaflow_pattern::Role;
 
     fn row(name: &str, role: Role, predicted: f64, simulated: Option<f64>, distance: Option<f64>) -> RowSummary {
         RowSummary {
@@ -325,6 +313,10 @@ mod tests {
         ];
         let second = vec![
             row("a", Role::Ga, 2.31, Some(2.3), None),
+            RowSummary {
+                status: "area 0.7, wanted 0.5 within 0.02".into(),
+                ..row("a", Role::Refined, 2.41, Some(2.4), None)
+            },
             row("b", Role::Ga, 1.2, Some(1.1), Some(0.1)),
             row("b", Role::Refined, 1.0, Some(1.01), Some(0.01)),
         ];
@@ -354,7 +346,7 @@ mod tests {
             best.map(|best| (best.name.clone(), best.simulated_mm)).collect()
         };
         assert_eq!(best(0), [("a".to_owned(), 2.2), ("b".to_owned(), 1.0)]);
-        // If there is a target displacement, the nearest design is the best.
+        // One that satisfies the constraints; if there is a target displacement, the nearest one.
         assert_eq!(best(1), [("a".to_owned(), 2.3), ("b".to_owned(), 1.01)]);
         let text = of_stage.to_string();
         for part in [

@@ -16,7 +16,7 @@ use super::format::{counted, mm, mm_measured, percents, three};
 use super::intervals::{self, NetworkInterval};
 use super::presenter::Headline;
 use deaflow_base::{four_digits, measured, rounded_by};
-use deaflow_content::{Verification, VerificationView, predicted_rows};
+use deaflow_content::{DesignRank, Verification, VerificationView, is_met, predicted_rows};
 use deaflow_field::{NO_FIELD, OutcomeKind};
 use deaflow_pattern::Role;
 use deaflow_scene::Scene;
@@ -164,6 +164,12 @@ impl RowSummary {
         (&self.case, &self.name) == (&other.case, &other.name)
     }
 
+    /// Returns it with its rank among the designs of its target; `None` without a stable solution.
+    pub(super) fn ranked(&self) -> Option<(&Self, DesignRank)> {
+        let rank = DesignRank::simulated(self.role, &self.status, self.distance_mm, self.simulated_mm?);
+        Some((self, rank))
+    }
+
     /// Says how near it comes to the optimum; `None` of the optimum itself and of intuitive designs.
     fn to_optimum(&self, unit: &str) -> Option<String> {
         let is_shown = self.role != Role::Optimum && self.role.is_compared();
@@ -230,7 +236,8 @@ impl VerificationSummary {
             .iter()
             .filter_map(|row| Some((*row, row.simulated_mm?)))
             .collect();
-        let Some((best, best_mm)) = best_of(&solved) else {
+        let best = best(solved.iter().filter_map(|(row, _)| row.ranked()));
+        let Some((best, best_mm)) = best.and_then(|best| Some((best, best.simulated_mm?))) else {
             return Headline::bad(match designs.len() {
                 0 => format!(
                     "{stage}: {} without a design of a search",
@@ -246,7 +253,7 @@ impl VerificationSummary {
                 }
             });
         };
-        let is_met = |row: &RowSummary| row.status == "met";
+        let violating = |of: &[&RowSummary]| of.iter().filter(|row| !is_met(&row.status)).count();
         if designs.iter().any(|row| !row.same_target(best)) {
             let [mut least, mut most] = [(best, best_mm); 2];
             for &design in &solved {
@@ -259,7 +266,7 @@ impl VerificationSummary {
                 "{stage}: {} designs, simulated {least} to {most} {unit}{angles}",
                 designs.len()
             );
-            return match designs.iter().filter(|row| !is_met(row)).count() {
+            return match violating(&designs) {
                 0 => Headline::good(text),
                 n => Headline::bad(format!("{text}; {n} violate constraints")),
             };
@@ -304,10 +311,14 @@ impl VerificationSummary {
         if let Some(share) = best.to_optimum(unit) {
             text += &format!(", {share}");
         }
-        match is_met(best) {
-            true => Headline::good(text),
-            false => Headline::bad(format!("{text} ({})", best.status)),
+        if best.status != "met" {
+            return Headline::bad(format!("{text} ({})", best.status));
         }
+        Headline::good(match violating(&designs) {
+            0 => text,
+            1 => format!("{text}; another design violates constraints"),
+            n => format!("{text}; {n} other designs violate constraints"),
+        })
     }
 
     /// Describes the accuracy of the predictions; `None` without predictions.
@@ -354,37 +365,18 @@ impl VerificationSummary {
     }
 }
 
-/// Returns the best of designs with their simulated displacements. The optimum is only for comparison, unless there is
-/// nothing else.
-fn best_of<'a>(solved: &[(&'a RowSummary, f64)]) -> Option<(&'a RowSummary, f64)> {
-    best(solved, |row| (row.role, row.distance_mm))
+/// Returns the first of designs with the highest rank; `None` if there are none.
+pub(super) fn best<'a, T, R: PartialOrd>(designs: impl IntoIterator<Item = (&'a T, R)>) -> Option<&'a T> {
+    let better = |best: (&'a T, R), other: (&'a T, R)| if other.1 > best.1 { other } else { best };
+    designs.into_iter().reduce(better).map(|(design, _)| design)
 }
 
-/// Returns the best of designs with their displacements; the last of equal ones. `of` is the role of one, and its
-/// distance from the target if there is one.
-pub(super) fn best<'a, T>(solved: &[(&'a T, f64)], of: impl Fn(&T) -> (Role, Option<f64>)) -> Option<(&'a T, f64)> {
-    let better = |a: &&(&T, f64), b: &&(&T, f64)| match (of(a.0).1, of(b.0).1) {
-        (Some(a), Some(b)) => b.total_cmp(&a),
-        _ => a.1.total_cmp(&b.1),
-    };
-    let searched = solved.iter().filter(|(design, _)| of(design).0 != Role::Optimum);
-    searched
-        .max_by(better)
-        .or_else(|| solved.iter().max_by(better))
-        .copied()
-}
-
-/// Returns the positions of the best design of each target, in the order of the rows; none for targets without a
-/// design that has a stable solution.
-pub(super) fn best_rows(rows: &[RowSummary]) -> Vec<usize> {
-    let solved: Vec<(&RowSummary, f64)> = found(rows).filter_map(|row| Some((row, row.simulated_mm?))).collect();
+/// Returns the positions of the best design of each target among those of some roles, in the order of the rows; none
+/// for targets without a design that has a stable solution.
+pub(super) fn best_rows(rows: &[RowSummary], roles: impl Fn(Role) -> bool) -> Vec<usize> {
     let is_best = |row: &RowSummary| {
-        let of_target: Vec<(&RowSummary, f64)> = solved
-            .iter()
-            .filter(|(other, _)| other.same_target(row))
-            .copied()
-            .collect();
-        best_of(&of_target).is_some_and(|(best, _)| std::ptr::eq(best, row))
+        let of_target = rows.iter().filter(|other| roles(other.role) && other.same_target(row));
+        best(of_target.filter_map(RowSummary::ranked)).is_some_and(|best| std::ptr::eq(best, row))
     };
     (0..rows.len()).filter(|&at| is_best(&rows[at])).collect()
 }

@@ -131,8 +131,10 @@ fn designed() -> Object {
             "predicted",
             Dataset::new("mm", "d", &[2, 51, 51, 2], Data::F64(vec![0.1; 10404])),
         ),
+        ("value", floats("mm", &[1.4, 1.2])),
     ])
     .with_long_texts("objective", "d", [OBJECTIVE; 2])
+    .with_long_texts("status", "d", ["met"; 2])
 }
 
 /// A design, an optimum of 2.5 mm, of which it reaches 2.0 mm, and the two intuitive designs.

@@ -4,7 +4,7 @@ use super::artifacts::ArtifactReader;
 use super::error::ReportError;
 use super::summary;
 use deaflow_content::{ArtifactKind, Solutions, Verification, files};
-use deaflow_pattern::Pattern;
+use deaflow_pattern::{Pattern, Role};
 
 /// Largest number of patterns of a stage.
 const MAX_PATTERNS: usize = 4;
@@ -31,7 +31,7 @@ fn some_of(count: usize) -> impl Iterator<Item = usize> {
 
 fn best_designs(source: &ArtifactReader<'_>) -> Result<Vec<(String, Pattern)>, ReportError> {
     let rows = summary::read(source)?.rows;
-    let best = summary::best_rows(&rows);
+    let best = summary::best_rows(&rows, Role::is_found);
     let patterns = source.of(source.of(Verification::open(source.artifact))?.rows().patterns().read())?;
     let name = |at: usize| match best.len() {
         1 => "best design".to_owned(),

@@ -17,10 +17,10 @@ use std::time::Instant;
 
 use serde_json::json;
 
-use super::results::{CHARGE, CHARGE_HYPERVOLUME, HYPERVOLUME, PREDICTED_REACTION, of_targets};
+use super::results::{CHARGE, CHARGE_HYPERVOLUME, HYPERVOLUME, PREDICTED_REACTION, best_of_targets, of_targets};
 use super::{drive_check, model, needed, scene};
 use deaflow_base::{Canonical, Declared, Document, Fields, InputError, Map, Node, Parameter, Stopped, parameters};
-use deaflow_content::Designs;
+use deaflow_content::{DesignRank, Designs};
 use deaflow_design::{
     CaseLabel, ConstraintParameters, DesignTask, Front, FrontObjective, Method, Objective, PlannedDesign, ResponseKind,
     SINGLE_NAME, Search, SearchError, SearchOptions, Target, Targets, UNITS,
@@ -184,20 +184,17 @@ impl Kind for DesignKind {
         let view = Designs::open(artifact)?;
         let rows = view.rows();
         let (names, roles) = (rows.name().read()?, rows.role().read()?);
-        let found = names
-            .iter()
-            .zip(&roles)
-            .enumerate()
-            .filter(|(_, (_, role))| role.is_found());
-        let found: Vec<(&str, usize)> = found.map(|(row, (name, _))| (name.as_str(), row)).collect();
+        let (statuses, values) = (rows.status().read()?.0, view.value().read()?);
+        let found = (0..names.len()).filter(|row| roles[*row].is_found());
+        let found = best_of_targets(found.map(|row| {
+            let rank = DesignRank::predicted(roles[row], &statuses[row], values[row]);
+            (names[row].as_str(), rank, row)
+        }));
         let value = match view.unit()? {
             REACTION_UNIT => PREDICTED_REACTION,
             _ => "predicted",
         };
-        let mut results = of_targets(
-            &found,
-            &[(value, &view.value().read()?), ("area", &rows.area().read()?)],
-        );
+        let mut results = of_targets(&found, &[(value, &values), ("area", &rows.area().read()?)]);
         if let Some(robust) = view.robust().read()? {
             results.extend(of_targets(&found, &[("robust", &robust)]));
         }

@@ -8,16 +8,17 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::design::{self, amplitude_solver};
-use super::results::{PREDICTED_REACTION, REACTION, of_targets};
+use super::results::{PREDICTED_REACTION, REACTION, best_of_targets, of_targets};
 use super::{drive_check, needed, patterns, scene, solution};
 use deaflow_base::{Canonical, Fields, InputError, Map, Node};
-use deaflow_content::{Components, DesignRows, Designs, Packed, SimulatedStates, Verification, predicted_rows};
+use deaflow_content::{
+    Components, DesignRank, DesignRows, Designs, Packed, SimulatedStates, Verification, predicted_rows,
+};
 use deaflow_design::{Goal, PlannedDesign, ResponseKind};
 use deaflow_fem::screening::resolved_states;
 use deaflow_fem::{GeometryError, History, SetupError, SolverParameters, geometry_revision};
 use deaflow_field::{Field, Mesh, REACTION_UNIT};
 use deaflow_orchestrator::{Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
-use deaflow_pattern::Role;
 use deaflow_scene::{Effects, Scene};
 use deaflow_store::{Artifact, Object};
 
@@ -54,25 +55,23 @@ impl Kind for VerifyKind {
         let rows = view.rows();
         let (names, roles) = (rows.name().read()?, rows.role().read()?);
         let (simulated, area) = (view.component().simulated().read()?, rows.area().read()?);
-        let found = names.iter().zip(&roles).zip(view.simulated_rows()?).enumerate();
-        let found = found.filter(|(_, ((_, role), _))| role.is_found());
-        // One design per target; an optimum is a reference for other designs and used only without them.
-        let rank = |row: usize, at: usize| (roles[row] != Role::Optimum, simulated[at]);
-        let mut best: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
-        for (row, at, name) in found.filter_map(|(row, ((name, _), at))| Some((row, at?, name.as_str()))) {
-            let held = best.entry(name).or_insert((row, at));
-            if rank(held.0, held.1) < rank(row, at) {
-                *held = (row, at);
-            }
-        }
-        let found: Vec<(&str, usize, usize)> = best.into_iter().map(|(name, (row, at))| (name, row, at)).collect();
-        let by_row: Vec<(&str, usize)> = found.iter().map(|(name, row, _)| (*name, *row)).collect();
+        let (statuses, distances) = (rows.status().read()?.0, view.component().distance().read()?);
+        let places = view.simulated_rows()?;
+        let found = (0..names.len()).filter(|row| roles[*row].is_found());
+        let ranked = found.filter_map(|row| {
+            let at = places[row]?;
+            let rank = DesignRank::simulated(roles[row], &statuses[row], Some(distances[at]), simulated[at]);
+            Some((names[row].as_str(), rank, (row, at)))
+        });
+        let mut found = best_of_targets(ranked);
+        found.sort_by_key(|(name, _)| *name);
+        let by_row: Vec<(&str, usize)> = found.iter().map(|(name, (row, _))| (*name, *row)).collect();
         let predicted = predicted_rows(&roles);
         let by_prediction: Vec<(&str, usize)> = by_row
             .iter()
             .filter_map(|(name, row)| Some((*name, predicted[*row]?)))
             .collect();
-        let by_field: Vec<(&str, usize)> = found.iter().map(|(name, _, at)| (*name, *at)).collect();
+        let by_field: Vec<(&str, usize)> = found.iter().map(|(name, (_, at))| (*name, *at)).collect();
         let [simulated_name, predicted_name] = match view.unit()? {
             REACTION_UNIT => [REACTION, PREDICTED_REACTION],
             _ => ["displacement", "predicted"],

@@ -9,7 +9,8 @@ use crate::artifacts::StageArtifact;
 use crate::drawing::{Background, DeformedMembrane};
 use crate::format::mm;
 use crate::intervals::NetworkInterval;
-use deaflow_field::OutcomeKind;
+use deaflow_content::DesignRank;
+use deaflow_field::{Field, OutcomeKind};
 use deaflow_pattern::{CELLS, Pattern, Role};
 use deaflow_scene::Scene;
 
@@ -116,6 +117,19 @@ impl Design {
         let is_same_target = self.case == other.case && self.target == other.target;
         let is_for_the_same = || self.objective == other.objective && self.area_target == other.area_target;
         is_same_target && is_for_the_same() && (Arc::ptr_eq(&self.scene, &other.scene) || self.scene == other.scene)
+    }
+
+    /// Returns its rank among the designs of its target: simulated ones come before others.
+    #[must_use]
+    pub fn rank(&self) -> (bool, DesignRank) {
+        let (role, status) = (self.role, &self.status);
+        match self.simulated_mm {
+            Some(value) => (true, DesignRank::simulated(role, status, self.distance_mm, value)),
+            None => {
+                let value = self.predicted_mm.unwrap_or(f64::NEG_INFINITY);
+                (false, DesignRank::predicted(role, status, value))
+            }
+        }
     }
 
     /// Returns the simulated or else predicted membrane, in one of several states or in the only one; `None` without a

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::front::{self, FoundFront};
 use crate::artifacts::{ArtifactReader, RunArtifacts};
-use crate::designs::{Objective, Role, membranes};
+use crate::designs::{Objective, membranes};
 use crate::drawing::{Axis, Chart, Mark, Series, Sheet};
 use crate::error::ReportError;
 use crate::evaluators::{Evaluators, read};
@@ -13,7 +13,7 @@ use crate::format::{mm, three};
 use crate::html::{Column, Page};
 use crate::intervals::{StageIntervals, of_stage};
 use crate::presenter::{Figures, Headline, Presenter, Results};
-use deaflow_content::{Designs, DesignsView};
+use deaflow_content::{DesignRank, Designs, DesignsView};
 use deaflow_store::StoreError;
 
 /// Presents design stages.
@@ -154,17 +154,15 @@ fn evolution(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportError> 
     source.drawn(evolution_sheet(&data)).map(Some)
 }
 
-/// Draws the last design of a stage that has one target: the refined one if there is one.
+/// Draws the best design of a stage that has one target.
 fn best(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportError> {
     let view = source.of(Designs::open(source.artifact))?;
     let rows = view.rows();
-    let (names, roles) = (source.of(rows.name().read())?, source.of(rows.role().read())?);
-    let last = roles.iter().rposition(|role| role.is_found());
-    let Some(last) = last.filter(|_| names.iter().all(|name| *name == names[0])) else {
+    let [row] = source.of(best_rows(&view))?[..] else {
         return Ok(None);
     };
     let predicted = source.of(rows.predicted().read())?;
-    let selected = std::iter::once((last, &predicted[last]));
+    let selected = std::iter::once((row, &predicted[row]));
     let membranes = membranes(source, &rows, &view.scene(), selected)?;
     Ok(membranes
         .first()
@@ -203,25 +201,17 @@ fn evaluators_table(page: &mut Page, evaluators: &[Evaluators]) {
     page.columns("Evaluators", &columns, &rows);
 }
 
-/// Returns the row of the best found design of each target: one that satisfies the constraints before others, then a
-/// refined one, then that with the largest value.
+/// Returns the row of the best found design of each target.
 fn best_rows(view: &DesignsView<'_>) -> Result<Vec<usize>, StoreError> {
     let rows = view.rows();
     let (names, roles, statuses) = (rows.name().read()?, rows.role().read()?, rows.status().read()?.0);
     let values = view.value().read()?;
-    let rank = |row: usize| {
-        let is_met = statuses.get(row).is_some_and(|status| status == "met");
-        (is_met, roles[row] == Role::Refined, values.get(row))
-    };
+    let rank = |row: usize| DesignRank::predicted(roles[row], &statuses[row], values[row]);
     let mut best: BTreeMap<&String, usize> = BTreeMap::new();
-    for (row, (name, _)) in names
-        .iter()
-        .zip(&roles)
-        .enumerate()
-        .filter(|(_, (_, role))| role.is_found())
-    {
-        if best.get(name).is_none_or(|known| rank(row) > rank(*known)) {
-            best.insert(name, row);
+    for row in (0..names.len()).filter(|row| roles[*row].is_found()) {
+        let known = best.entry(&names[row]).or_insert(row);
+        if rank(row) > rank(*known) {
+            *known = row;
         }
     }
     Ok(best.into_values().collect())

@@ -77,13 +77,10 @@ impl<'d> Best<'d> {
 /// Returns the best design of a pipeline: of its first target. `None` without a design of a search.
 fn best_design(designs: &[Design]) -> Option<&Design> {
     let first = first_found(designs)?;
-    let value = |design: &Design| design.simulated_mm.or(design.predicted_mm).unwrap_or(f64::NEG_INFINITY);
     let found = designs
         .iter()
         .filter(|design| design.role.is_found() && design.has_same_target(first));
-    // The first of equal ones.
-    let found: Vec<(&Design, f64)> = found.rev().map(|design| (design, value(design))).collect();
-    best_of(&found, |design| (design.role, design.distance_mm)).map(|(design, _)| design)
+    best_of(found.map(|design| (design, design.rank())))
 }
 
 /// Returns the first design of a search, which has the first target.
