@@ -46,7 +46,7 @@ pub use headline::headlines;
 pub use history::{Origin, PipelineHistory, StageRecord};
 pub use html::{Column, Page};
 pub use kinds::PRESENTERS;
-pub use kinds::audit::audit_figure;
+pub use kinds::audit::{audit_figure, checks_in_words};
 pub use measured::{figures_of_files, figures_of_measurements};
 pub use opening::{Opening, opening_picture};
 pub use page::{Layout, STAGE_HEIGHT, layout};

@@ -10,7 +10,7 @@ use crate::{CliError, Output, table, write};
 use deaflow_base::{ArtifactId, error_digits};
 use deaflow_content::{AttributeError, Audit};
 use deaflow_report::figures::{Background, DeformedMembrane, membrane_sheet};
-use deaflow_report::{Page, audit_figure};
+use deaflow_report::{Page, audit_figure, checks_in_words};
 use deaflow_stage::audit::{Audited, Finding, Lineage, Severity, SourceRows, Summary, rows, sort};
 use deaflow_store::Artifact;
 
@@ -209,13 +209,15 @@ impl AuditReport {
             None => "; no accuracy is declared".to_owned(),
         };
         format!(
-            "{} on a finer mesh: largest error {}, mean error {}{allowed}; {} wrong: with 95 % confidence, at most \
-             {:.2} % of all labels are wrong",
+            "{} on a finer mesh: largest error {}, mean error {}{allowed}; {}",
             counted(found.samples, "random samples"),
             mm(found.largest_error),
             mm(found.mean_error),
-            found.faults,
-            100.0 * found.excluded_above
+            checks_in_words(
+                [found.samples, found.faults],
+                found.excluded_above,
+                self.summary.samples
+            )
         )
     }
 

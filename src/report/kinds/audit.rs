@@ -6,7 +6,7 @@ use crate::artifacts::{ArtifactReader, RunArtifacts};
 use crate::drawing::Sheet;
 use crate::error::ReportError;
 use crate::figures::{AuditFigure, Counts};
-use crate::format::counted;
+use crate::format::{counted, percents};
 use crate::html::Page;
 use crate::presenter::{Figures, Headline, Presenter, Results};
 use deaflow_content as content;
@@ -106,17 +106,18 @@ fn describe(findings: &Value, summary: &Value) -> String {
     let Some(findings) = findings.as_array() else {
         return "its findings are invalid".to_owned();
     };
-    let excluded = summary["resimulated"]["excluded_above"].as_f64();
-    let excluded = excluded.filter(|_| summary["resimulated"]["samples"].as_u64() > Some(0));
-    let excluded = excluded.map_or_else(String::new, |rate| {
-        format!(
-            "; {} simulated on a finer mesh: at 95 % confidence, at most {:.1} % of the labels are wrong",
-            summary["resimulated"]["samples"],
-            100.0 * rate
-        )
-    });
     if findings.is_empty() {
-        return format!("no findings in {samples} samples{excluded}");
+        let of = &summary["resimulated"];
+        let [checks, faults] = ["samples", "faults"].map(|key| of[key].as_u64().unwrap_or(0) as usize);
+        let excluded = of["excluded_above"].as_f64().filter(|_| checks > 0);
+        let checked = excluded.map_or_else(String::new, |excluded| {
+            let rows = samples.as_u64().unwrap_or(0) as usize;
+            format!(
+                "; on a finer mesh {}",
+                checks_in_words([checks, faults], excluded, rows)
+            )
+        });
+        return format!("no findings in {samples} samples{checked}");
     }
     let of = |severity: &str| -> Vec<String> {
         let own = findings.iter().filter(|finding| finding["severity"] == severity);
@@ -133,6 +134,30 @@ fn describe(findings: &Value, summary: &Value) -> String {
         format!("{name}{samples}: {}", found.join("; "))
     });
     verdicts.collect::<Vec<_>>().join("; ")
+}
+
+/// Describes random checks of labels and the faults that they found: the share of wrong labels that they exclude, and
+/// how many checks it takes if they are too few. `rows` are all labels.
+#[must_use]
+pub fn checks_in_words([checks, faults]: [usize; 2], excluded_above: f64, rows: usize) -> String {
+    /// The largest share of wrong labels that a user of a dataset would accept.
+    const MOST: f64 = 0.05;
+    /// So many checks without a fault exclude a share of 1 %, as 0.99^300 < 0.05.
+    const FOR_ONE_PERCENT: usize = 300;
+    let share = percents(excluded_above);
+    let found = match faults {
+        0 => "no fault".to_owned(),
+        _ => counted(faults, "fault", "faults"),
+    };
+    let found = format!("{found} in {}", counted(checks, "check", "checks"));
+    if excluded_above <= MOST || faults > 0 {
+        return format!("{found}: at 95 % confidence, at most {share} of the labels are wrong");
+    }
+    let enough = match rows > FOR_ONE_PERCENT {
+        true => format!("{FOR_ONE_PERCENT} checks without a fault would bound that at 1 %"),
+        false => format!("check all {rows}"),
+    };
+    format!("{found}, which are too few: at 95 % confidence, up to {share} of the labels may still be wrong; {enough}")
 }
 
 /// Describes a finding: the check, the number of rows, and the sentence that was found.
@@ -161,11 +186,37 @@ mod tests {
 
     #[test]
     fn findings_are_described_in_one_line() {
-        let summary = json!({ "samples": 40, "resimulated": { "samples": 8, "excluded_above": 0.312 } });
-        let text = describe(&json!([]), &summary);
-        assert!(
-            text.contains("no findings in 40 samples; 8 ") && text.contains("31.2 %"),
-            "{text}"
+        let checked = |samples: usize, checks: usize, excluded: f64| {
+            let of = json!({ "samples": checks, "faults": 0, "excluded_above": excluded });
+            describe(&json!([]), &json!({ "samples": samples, "resimulated": of }))
+        };
+        for (text, expected) in [
+            (
+                checked(40, 8, 0.312),
+                "no findings in 40 samples; on a finer mesh no fault in 8 checks, which are too few: at 95 % confidence, \
+                 up to 31.2 % of the labels may still be wrong; check all 40",
+            ),
+            (
+                checked(4000, 6, 0.393),
+                "no findings in 4000 samples; on a finer mesh no fault in 6 checks, which are too few: at 95 % \
+                 confidence, up to 39.3 % of the labels may still be wrong; 300 checks without a fault would bound that \
+                 at 1 %",
+            ),
+            (
+                checked(4000, 300, 0.0099),
+                "no findings in 4000 samples; on a finer mesh no fault in 300 checks: at 95 % confidence, at most \
+                 0.990 % of the labels are wrong",
+            ),
+            (
+                checks_in_words([20, 3], 0.34, 4000),
+                "3 faults in 20 checks: at 95 % confidence, at most 34.0 % of the labels are wrong",
+            ),
+        ] {
+            assert_eq!(text, expected);
+        }
+        assert_eq!(
+            describe(&json!([]), &json!({ "samples": 40 })),
+            "no findings in 40 samples"
         );
         let findings = json!([
             { "check": "sign", "severity": "error", "count": 2, "examples": [3, 7], "message": "other sign" },
