@@ -1,6 +1,7 @@
 //! `deaflow report`: a page with the results of a pipeline, its designs as files, and the fabrication sheet of one.
 
 mod sheet;
+mod voltage_sweep;
 
 use std::path::PathBuf;
 
@@ -15,9 +16,10 @@ use super::progress::ProgressMode;
 use super::{CliError, Exit, Output, pipeline, upstream, write};
 use deaflow_orchestrator::{Environment, Pipeline, plan, plan_warnings};
 use deaflow_report::{
-    PipelineHistory, RunArtifacts, StageArtifact, StageRecord, set_options, shell_word, write_report,
+    PipelineHistory, RunArtifacts, StageArtifact, StageRecord, designs, set_options, shell_word, write_report,
 };
 use deaflow_store::{Condition, Effort, Store};
+use voltage_sweep::voltage_sweep;
 
 /// Write a report of a pipeline: a page with all designs, and the designs as files
 #[derive(Debug, Args)]
@@ -77,6 +79,7 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
     if let Some(folder) = &arguments.output {
         let neglected = neglected_effects(&pipeline, &artifacts, ProgressMode::Bars)?;
         history.model_warnings.extend(neglected.all());
+        history.sweep = voltage_sweep(&designs(&artifacts, &artifacts.superseded())?);
         write::folder(folder)?;
     }
     if let Some(file) = &arguments.sheet {

@@ -34,7 +34,8 @@ pub struct Seen {
 /// Tells the frame around the page how it looks. Errors are counted from before the page is read.
 const BEFORE: &str = "<script>window.complaints=[];addEventListener('error',e=>complaints.push(String(e.message||e.target.tagName)),true)</script>";
 const AFTER: &str = "<script>addEventListener('load',()=>{
-const drawn=[...document.querySelectorAll('svg:not([aria-hidden]),img')];
+// What is only printed has no rectangles.
+const drawn=[...document.querySelectorAll('svg:not([aria-hidden]),img')].filter(d=>d.getClientRects().length);
 const small=drawn.filter(d=>{const r=d.getBoundingClientRect();return r.width<8||r.height<8});
 parent.postMessage(JSON.stringify({width:innerWidth,scrolled:document.documentElement.scrollWidth,drawings:drawn.length,
 without_size:small.length,fetched:performance.getEntriesByType('resource').length,complaints:complaints}),'*')})</script>";

@@ -140,6 +140,16 @@ impl Design {
             Some(state) => &state.field,
             None => self.simulated.as_ref().or(self.predicted.as_ref())?,
         };
+        self.deformed(field, state)
+    }
+
+    /// Returns the membrane with another displacement in mm from the mount; `None` if that does not fit.
+    #[must_use]
+    pub fn with(&self, displacement: &Field) -> Option<DeformedMembrane> {
+        self.deformed(displacement.values(), None)
+    }
+
+    fn deformed(&self, field: &[f64], state: Option<&StateField>) -> Option<DeformedMembrane> {
         let is_in = |target: &&TargetPoint| state.is_none_or(|state| target.state.as_ref() == Some(&state.name));
         let points = self
             .objective

@@ -9,7 +9,7 @@ use maud::{Markup, html};
 
 use super::chart::THOUSAND;
 use super::error::FigureError;
-use super::path::{head, number, path};
+use super::path::{head, number, path, steady_path};
 use super::sides;
 use deaflow_field::Field;
 use deaflow_pattern as pattern;
@@ -314,6 +314,26 @@ impl DeformedMembrane {
         }
     }
 
+    /// Returns the edges of the electrodes and the bodies and the grid, deformed: the class and the data of each path.
+    /// These have the same commands whatever the displacements are, so that they can change in an animation.
+    pub fn steady_paths(&self, scale: f64) -> Vec<(&'static str, String)> {
+        let closed = |rings: &mut dyn Iterator<Item = Vec<Point>>| -> String {
+            let along = rings.map(|ring| {
+                sides_of_cells(&ring)
+                    .map(|at| self.moved(at, scale))
+                    .collect::<Vec<_>>()
+            });
+            along.map(|points| steady_path(&points, true)).collect()
+        };
+        let mut paths = vec![("moved", closed(&mut rings(&self.pattern)))];
+        if !self.background.bodies.is_empty() {
+            paths.push(("body", closed(&mut self.background.bodies.iter().cloned())));
+        }
+        let lines = self.grid_lines(scale);
+        paths.push(("mesh", lines.map(|line| steady_path(&line, false)).collect()));
+        paths
+    }
+
     /// Draws the outline of the electrode; at rest if `scale` is zero.
     pub fn outline(&self, class: &str, scale: f64) -> Markup {
         html! { path class=(class) d=(edge(rings(&self.pattern), |at| self.moved(at, scale))) {} }
@@ -321,18 +341,24 @@ impl DeformedMembrane {
 
     /// Draws the deformed grid.
     pub fn mesh(&self, scale: f64) -> Markup {
+        let lines = self.grid_lines(scale);
+        html! { path class="mesh" d=(lines.map(|line| path(&line, false)).collect::<String>()) {} }
+    }
+
+    /// Returns the lines of the deformed grid.
+    fn grid_lines(&self, scale: f64) -> impl Iterator<Item = Vec<(f64, f64)>> {
         let [columns, rows] = self.background.raster().sides();
         // The last point is always at the edge.
         let along = |cells: usize| (0..cells).step_by(STEP).chain([cells]);
-        let moved = |x: usize, y: usize| self.moved([x as f64, y as f64], scale);
+        let moved = move |x: usize, y: usize| self.moved([x as f64, y as f64], scale);
         let [across, up] = self.background.lines();
         let horizontal = up
-            .iter()
-            .map(|&y| path(&along(columns).map(|x| moved(x, y)).collect::<Vec<_>>(), false));
+            .into_iter()
+            .map(move |y| along(columns).map(|x| moved(x, y)).collect());
         let vertical = across
-            .iter()
-            .map(|&x| path(&along(rows).map(|y| moved(x, y)).collect::<Vec<_>>(), false));
-        html! { path class="mesh" d=(horizontal.chain(vertical).collect::<String>()) {} }
+            .into_iter()
+            .map(move |x| along(rows).map(|y| moved(x, y)).collect());
+        horizontal.chain(vertical)
     }
 
     /// Draws the deformed sides, if not all are held.
@@ -340,6 +366,12 @@ impl DeformedMembrane {
         let plane = self.background.plane;
         let moved = |at| self.moved(plane.in_cells(at), scale);
         html! { @if let Some(sides) = &self.background.sides { (sides::draw(sides, plane.size_mm, moved)) } }
+    }
+
+    /// Returns where the points of the objective are in the deformed drawing.
+    pub fn moved_points(&self, scale: f64) -> Vec<(f64, f64)> {
+        let moved = |point: &Point| self.moved(self.background.plane.in_cells(*point), scale);
+        self.points.iter().map(moved).collect()
     }
 
     /// Draws the displacements of the points of the objective.
@@ -424,16 +456,18 @@ fn curves(region: &Polygons, plane: pattern::Membrane) -> Vec<Vec<Point>> {
 
 /// Returns an edge, divided into the sides of cells, since it may be deformed.
 fn edge(rings: impl Iterator<Item = Vec<Point>>, to: impl Fn(Point) -> (f64, f64)) -> String {
-    let drawn = |ring: Vec<Point>| {
-        let pairs = ring.iter().zip(ring.iter().cycle().skip(1));
-        let sides = pairs.flat_map(|(a, b)| {
-            let cells = (b[0] - a[0]).abs().max((b[1] - a[1]).abs()).round().max(1.0);
-            let at = move |k: usize, c: usize| a[c] + (b[c] - a[c]) * k as f64 / cells;
-            (0..cells as usize).map(move |k| [at(k, 0), at(k, 1)])
-        });
-        path(&sides.map(&to).collect::<Vec<_>>(), true)
-    };
+    let drawn = |ring: Vec<Point>| path(&sides_of_cells(&ring).map(&to).collect::<Vec<_>>(), true);
     rings.map(drawn).collect()
+}
+
+/// Returns the points at which a ring is divided into the sides of cells.
+fn sides_of_cells(ring: &[Point]) -> impl Iterator<Item = Point> {
+    let pairs = ring.iter().zip(ring.iter().cycle().skip(1));
+    pairs.flat_map(|(a, b)| {
+        let cells = (b[0] - a[0]).abs().max((b[1] - a[1]).abs()).round().max(1.0);
+        let at = move |k: usize, c: usize| a[c] + (b[c] - a[c]) * k as f64 / cells;
+        (0..cells as usize).map(move |k| [at(k, 0), at(k, 1)])
+    })
 }
 
 /// Converts a point with the origin at the lower left to one with the origin at the upper left.

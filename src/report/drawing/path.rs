@@ -39,6 +39,22 @@ pub fn path(points: &[(f64, f64)], closed: bool) -> String {
     out
 }
 
+/// Writes a path through points in integer steps, with the same commands wherever the points are.
+pub fn steady_path(points: &[(f64, f64)], closed: bool) -> String {
+    let mut out = String::new();
+    let mut last = (0_i64, 0_i64);
+    for (k, (x, y)) in points.iter().enumerate() {
+        let at = (x.round() as i64, y.round() as i64);
+        let start = if k == 0 { "M" } else { "l" };
+        let _ = write!(out, "{start}{} {}", at.0 - last.0, at.1 - last.1);
+        last = at;
+    }
+    if closed {
+        out.push('z');
+    }
+    out
+}
+
 /// Returns where the head of an arrow begins, and its path.
 pub fn head((x, y): (f64, f64), tip: (f64, f64)) -> ((f64, f64), String) {
     let (dx, dy) = (tip.0 - x, tip.1 - y);
@@ -72,5 +88,9 @@ mod tests {
             "M0 0h1v5v-3z"
         );
         assert_eq!(path(&[(1.0, 1.0), (3.0, 0.0), (2.0, 2.0)], false), "M1 1l2-1l-1 2");
+        assert_eq!(
+            steady_path(&[(0.4, 0.0), (0.8, 0.0), (1.2, 4.6), (1.2, 2.0)], true),
+            "M0 0l1 0l0 5l0 -3z"
+        );
     }
 }

@@ -3,6 +3,7 @@
 use maud::{Markup, html};
 
 use super::cards::{FOLDER, deformed, pattern, rest, simulated};
+use super::sweep::{VoltageSweep, moving};
 use crate::designs::{Design, OtherObjective, Role, point_words};
 use crate::drawing::{DeformedMembrane, Sheet, exaggeration};
 use crate::format::{mm, percents, three};
@@ -75,7 +76,8 @@ impl<'d> Best<'d> {
 }
 
 /// Returns the best design of a pipeline: of its first target. `None` without a design of a search.
-fn best_design(designs: &[Design]) -> Option<&Design> {
+#[must_use]
+pub fn best_design(designs: &[Design]) -> Option<&Design> {
     let first = first_found(designs)?;
     let found = designs
         .iter()
@@ -91,8 +93,9 @@ fn first_found(designs: &[Design]) -> Option<&Design> {
     first.or_else(|| designs.iter().find(|design| design.role.is_found()))
 }
 
-/// Draws the best design of a pipeline, or the ends of its front; `None` without a design of a search.
-pub fn best(designs: &[Design]) -> Option<Markup> {
+/// Draws the best design of a pipeline, as it moves if there is a sweep of it, or the ends of its front; `None` without
+/// a design of a search.
+pub fn best(designs: &[Design], sweep: Option<&VoltageSweep>) -> Option<Markup> {
     let best = Best::of(designs)?;
     let label = match best {
         Best::Design(_) => "Best design",
@@ -101,7 +104,7 @@ pub fn best(designs: &[Design]) -> Option<Markup> {
     Some(html! {
         section.best aria-label=(label) {
             @match &best {
-                Best::Design(design) => { (pair(design)) }
+                Best::Design(design) => { (pair(design, sweep)) }
                 Best::Front(points) => {
                     div.pair {
                         @for end in ends(points) {
@@ -125,7 +128,7 @@ pub fn best(designs: &[Design]) -> Option<Markup> {
 }
 
 /// Draws the electrode of a design, and the deformed membrane.
-fn pair(design: &Design) -> Markup {
+fn pair(design: &Design, sweep: Option<&VoltageSweep>) -> Markup {
     let membranes: Vec<DeformedMembrane> = design.membranes();
     let scale = exaggeration(&membranes);
     let times = match scale {
@@ -135,11 +138,16 @@ fn pair(design: &Design) -> Markup {
     html! {
         div.pair {
             figure { (pattern(design)) figcaption { "Electrode" } }
-            @match design.states.first() {
-                Some(state) => {
+            @match (design.states.first(), moving(design, sweep)) {
+                (None, Some((moving, caption))) => {
+                    figure.moving { (moving) figcaption { (caption) } }
+                    // In print, and for readers who want no motion.
+                    figure.still { (deformed(design, None, scale)) figcaption { "With voltage, " (times) } }
+                }
+                (Some(state), _) => {
                     figure { (deformed(design, Some(state), scale)) figcaption { (state.name) ", " (times) } }
                 }
-                None => { figure { (deformed(design, None, scale)) figcaption { "With voltage, " (times) } } }
+                (None, None) => { figure { (deformed(design, None, scale)) figcaption { "With voltage, " (times) } } }
             }
         }
     }

@@ -112,7 +112,13 @@ pub(super) fn deformed(design: &Design, state: Option<&StateField>, scale: f64) 
 }
 
 fn drawing(design: &Design, description: &str, content: &Markup) -> Markup {
+    drawing_with(design, description, content, 0.0)
+}
+
+/// Draws content on the membrane of a design, and below it, where it has so many thousandths of the longer side.
+pub(super) fn drawing_with(design: &Design, description: &str, content: &Markup, below: f64) -> Markup {
     let [left, top, width, height] = design.background.view();
+    let height = height + below;
     // The longer side has 240 pixels.
     let pixels = |length: f64| (240.0 * length / width.max(height)).round();
     let view = format!("{left} {top} {width} {height}");

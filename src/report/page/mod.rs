@@ -7,6 +7,7 @@ mod dag;
 mod designs;
 mod layout;
 pub(super) mod scene;
+pub(super) mod sweep;
 mod warnings;
 
 use super::artifacts::RunArtifacts;
@@ -119,7 +120,7 @@ fn head(page: &mut Page, history: &PipelineHistory, designs: &[Design], warned: 
             ),
         ]);
     }
-    if let Some(best) = best::best(designs) {
+    if let Some(best) = best::best(designs, history.sweep.as_ref()) {
         page.top(best);
     }
     page.warnings("Model warnings", &warned.of_model);
