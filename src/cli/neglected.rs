@@ -2,11 +2,10 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
 
-use super::progress::{Bar, ProgressMode};
+use super::progress::{ProgressMode, show_count};
 use super::{CliError, model_warnings};
-use deaflow_base::{Background, Digest, build};
+use deaflow_base::{Digest, build};
 use deaflow_content::SOLVED;
 use deaflow_fem::screening::TestPattern;
 use deaflow_orchestrator::{Pipeline, StageSpec};
@@ -43,7 +42,12 @@ pub fn neglected_effects(
     let mut warnings: Vec<(String, Vec<&StageArtifact>)> = Vec::new();
     let screened_stages = stages.len().min(MAX_STAGES);
     let done = Arc::new(AtomicU64::new(0));
-    let shown = show_progress(mode, done.clone(), screened_stages as u64);
+    let shown = show_count(
+        mode,
+        ["neglected effects", "stages"],
+        done.clone(),
+        screened_stages as u64,
+    );
     for (count, stage) in (1..).zip(&stages[..screened_stages]) {
         let found = screened(stage, run)?;
         done.store(count, Ordering::Relaxed);
@@ -77,29 +81,6 @@ pub fn neglected_effects(
     }
     Ok(found)
 }
-
-/// Shows how many stages are screened, if that takes long, until the returned guard is dropped.
-fn show_progress(mode: ProgressMode, done: Arc<AtomicU64>, length: u64) -> Option<Background> {
-    let show = move |pauses: &deaflow_base::Pauses| {
-        if !pauses.wait(DELAY) {
-            return;
-        }
-        let Some(bar) = Bar::with_mode(mode, "neglected effects", "stages") else {
-            return;
-        };
-        bar.set(done.load(Ordering::Relaxed), length);
-        while pauses.wait(TICK) {
-            bar.set(done.load(Ordering::Relaxed), length);
-        }
-        bar.clear();
-    };
-    // Without the thread nothing is shown.
-    Background::start("screening", show).ok()
-}
-
-/// The time after which progress is shown, and between two updates.
-const DELAY: Duration = Duration::from_secs(2);
-const TICK: Duration = Duration::from_millis(500);
 
 /// A stage that has simulated patterns.
 struct SimulatingStage<'a> {

@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{self, IsTerminal};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -16,7 +17,7 @@ use super::output::{print_lines, print_outcome, print_plain};
 use super::pace::Pace;
 use super::table;
 use super::tone::{Screen, Tone, width_of_stderr};
-use deaflow_base::{Progress, printable, printable_json};
+use deaflow_base::{Background, Pauses, Progress, printable, printable_json};
 use deaflow_orchestrator::{Event, Outcome, StageReport};
 
 /// The smallest difference between the time of a stage and its share of the run that is shown: this fraction, and s.
@@ -77,6 +78,33 @@ impl DelayedBar {
             bar.clear();
         }
     }
+}
+
+/// Shows a number that the work counts, if it takes long, until the returned guard is dropped. `length` is the number
+/// at the end; 0 if it is not known.
+pub fn show_count(
+    mode: ProgressMode,
+    [name, unit]: [&'static str; 2],
+    done: Arc<AtomicU64>,
+    length: u64,
+) -> Option<Background> {
+    /// The time between two updates.
+    const TICK: Duration = Duration::from_millis(500);
+    let show = move |pauses: &Pauses| {
+        if !pauses.wait(DELAY) {
+            return;
+        }
+        let Some(bar) = Bar::with_mode(mode, name, unit) else {
+            return;
+        };
+        bar.set(done.load(Ordering::Relaxed), length);
+        while pauses.wait(TICK) {
+            bar.set(done.load(Ordering::Relaxed), length);
+        }
+        bar.clear();
+    };
+    // Without the thread nothing is shown.
+    Background::start(name, show).ok()
 }
 
 /// The time after which the bar appears.
@@ -195,7 +223,10 @@ impl Progress for Bar {
 
 impl BarState {
     fn steps(&self) -> String {
-        format!("{}/{} {}", self.pace.done, self.pace.length, self.unit)
+        match self.pace.length {
+            0 => format!("{} {}", self.pace.done, self.unit),
+            length => format!("{}/{length} {}", self.pace.done, self.unit),
+        }
     }
 
     /// Formats all of it in a line.
@@ -221,7 +252,10 @@ impl BarState {
             true => format!("{} so far", table::seconds(at)),
             false => pace,
         };
-        let mut line = format!("{name} {} {}", draw_bar(&self.pace, bar), self.steps());
+        let mut line = match self.pace.length {
+            0 => format!("{name} {}", self.steps()),
+            _ => format!("{name} {} {}", draw_bar(&self.pace, bar), self.steps()),
+        };
         if display_width(&line) > width {
             line = format!("{} {}", name.trim_end(), self.steps());
         }

@@ -4,6 +4,7 @@ use serde_json::{Value, json};
 
 use super::{FitArguments, estimate_document, exit_of};
 use crate::compared::{notes, summary, write_with_figure};
+use crate::progress::{ProgressMode, show_count};
 use crate::text::Text;
 use crate::{CliError, Exit, Output, table};
 use deaflow_base::{Node, four_significant, listed};
@@ -24,7 +25,10 @@ pub fn execute(arguments: &FitArguments, files: &[(MeasuredFile, Node)], output:
     let device = Device::new(&scene, &arguments.free, arguments.mesh.options())?;
     let sets = read_sets(files, &device, &scene, arguments.measured.noise())?;
     notes(&sets, output);
-    let found = fit_scene(&device, &sets, !arguments.mesh.is_chosen())?;
+    let shown = show_count(ProgressMode::Bars, ["fit", "simulations"], device.simulations(), 0);
+    let found = fit_scene(&device, &sets, !arguments.mesh.is_chosen());
+    drop(shown);
+    let found = found?;
     let values = found.values();
     let device = found.mesh.map_or_else(|| device.clone(), |mesh| device.on(mesh));
     let (compared, _) = compare_all(&device, &sets, &values, false)?;

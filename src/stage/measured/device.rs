@@ -1,6 +1,8 @@
 //! A device whose scene has free parameters: displacements at points for their values, with derivatives.
 
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
@@ -32,6 +34,8 @@ pub struct Device {
     auto: Option<Scene>,
     /// The names of the simulated effects.
     effects: Vec<String>,
+    /// The number of simulations of sets of data, on all meshes.
+    simulations: Arc<AtomicU64>,
 }
 
 /// Where displacements are simulated: points of one pattern at one voltage.
@@ -92,6 +96,7 @@ impl Device {
             keys,
             options,
             auto: scene.auto.then(|| scene.clone()),
+            simulations: Arc::default(),
         };
         let first = device.scene(&device.first_values())?;
         MembraneSolver::new(&first, options).map_err(|error| InputError::new(error.to_string()))?;
@@ -126,6 +131,17 @@ impl Device {
             options: SolveOptions { mesh, ..self.options },
             ..self.clone()
         }
+    }
+
+    /// Returns the counter of simulations of sets of data, to show progress.
+    #[must_use]
+    pub fn simulations(&self) -> Arc<AtomicU64> {
+        Arc::clone(&self.simulations)
+    }
+
+    /// Counts a simulation of a set of data.
+    pub(super) fn count(&self) {
+        self.simulations.fetch_add(1, Ordering::Relaxed);
     }
 
     /// Returns the names of the simulated effects.

@@ -348,6 +348,7 @@ impl MeasuredSet {
     /// # Errors
     /// When there is no stable equilibrium, or a value is not allowed, with the reason.
     pub fn simulate(&self, device: &Device, values: &[f64]) -> Result<Simulated, String> {
+        device.count();
         let (found, direction) = match &self.data {
             Data::Dynamic(set) => return set.simulate(device, values),
             Data::Curve(_) | Data::Sheet(_) | Data::Creep(_) => (Vec::new(), None),
