@@ -418,15 +418,6 @@ impl PatternArguments {
         direct::patterns(&self.patterns, form, &drawings)
     }
 
-    /// Returns the output file, for a command that needs one.
-    ///
-    /// # Errors
-    /// When none is given.
-    pub fn file(&self) -> Result<&Path, CliError> {
-        let none = || CliError::bad_input("no output file given").help("add one, as in -o out.h5");
-        self.output.as_deref().ok_or_else(none)
-    }
-
     /// Refuses an output file with the extension of another format than HDF5.
     ///
     /// # Errors

@@ -241,6 +241,9 @@ fn a_path_finds_the_voltage_at_which_stability_is_lost() {
     let ended = solve(&[&path[..], &["-o", "out.h5", "--json"]].concat());
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let report = ended.json();
+    // Without a file the results are only printed.
+    let printed = solve(&[&path[..], &["--json"]].concat()).json();
+    assert!(printed["file"].is_null() && printed["paths"] == report["paths"]);
     let half = &report["paths"][0];
     // 5.50 kV by an independent analysis.
     let limit = half["limit"]["voltage"].as_f64().unwrap();

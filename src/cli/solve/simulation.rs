@@ -308,7 +308,9 @@ impl<'a> Simulation<'a> {
 
 /// Checks that a table and a figure can be written next to the HDF5 file.
 fn check_attachments(arguments: &SolveArguments) -> Result<(), CliError> {
-    let file = arguments.patterns.file()?;
+    let Some(file) = arguments.patterns.output.as_deref() else {
+        return Ok(());
+    };
     let attached = attached_files(file);
     if attached.iter().any(|attached| attached == file) {
         return Err(
