@@ -89,8 +89,14 @@ pub fn with_metadata(path: &Path) -> String {
 /// Checks that comma-separated values and their metadata can be written, before the work starts.
 ///
 /// # Errors
-/// As [`file()`].
+/// When the path has the extension of a picture or of HDF5; as [`file()`].
 pub fn check_csv(path: &Path) -> Result<(), CliError> {
+    const OTHERS: [&str; 8] = ["png", "svg", "pdf", "jpg", "h5", "hdf5", "yaml", "json"];
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    if extension.is_some_and(|extension| OTHERS.iter().any(|other| extension.eq_ignore_ascii_case(other))) {
+        let message = format!("a table is written as CSV, and {} is no CSV file", path.display());
+        return Err(CliError::bad_input(message).help(format!("name it {}", path.with_extension("csv").display())));
+    }
     check_file(path)?;
     check_file(&csv_metadata_file(path))
 }

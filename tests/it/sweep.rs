@@ -218,6 +218,17 @@ fn a_pipeline_is_swept_without_editing_it() {
                 "--table",
                 "samples",
                 "-o",
+                "figure.png",
+            ],
+            "figure.csv",
+        ),
+        (
+            &[
+                "--set",
+                "stages.drawn.count=3,4",
+                "--table",
+                "samples",
+                "-o",
                 "store/objects/t.csv",
             ],
             "store",
