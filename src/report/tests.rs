@@ -132,6 +132,10 @@ fn designed() -> Object {
             Dataset::new("mm", "d", &[2, 51, 51, 2], Data::F64(vec![0.1; 10404])),
         ),
         ("value", floats("mm", &[1.4, 1.2])),
+        ("case", words(&[""; 2])),
+        ("member", integers(&[0; 2])),
+        ("units", integers(&[20, 50])),
+        ("area", floats("1", &[0.5, 0.4])),
     ])
     .with_long_texts("objective", "d", [OBJECTIVE; 2])
     .with_long_texts("status", "d", ["met"; 2])

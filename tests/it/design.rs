@@ -71,6 +71,21 @@ fn the_cheapest_evaluator_that_is_accurate_enough_judges() {
 }
 
 #[test]
+fn designs_are_in_the_document_of_a_run_before_they_are_verified() {
+    let workspace = coarse();
+    let ended = workspace.run(&["run", "alone.yaml", "--until", "design", "--json"]);
+    let document = ended.json();
+    let designs = document["designs"].as_array().unwrap();
+    let [best] = &designs[..] else { panic!("{document}") };
+    assert_eq!(
+        ["stage", "name", "role", "unit", "status"].map(|key| best[key].as_str().unwrap()),
+        ["design", "design", "ga", "mm", "met"]
+    );
+    let logged = workspace.run(&["log", "alone.yaml", "--json"]).json();
+    assert_eq!(best["predicted"], logged["runs"][0]["results"]["design.predicted"]);
+}
+
+#[test]
 fn a_network_that_is_not_accurate_enough_is_not_taken_unless_it_is_asked_for() {
     let workspace = Workspace::tiny();
     let asked = evaluators(&workspace, &["tiny.yaml", "--until", "design"]);

@@ -2,9 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use serde::Serialize;
+
 use super::front::{self, FoundFront};
 use crate::artifacts::{ArtifactReader, RunArtifacts};
-use crate::designs::{Objective, membranes};
+use crate::designs::{Objective, Role, membranes};
 use crate::drawing::{Axis, Chart, Mark, Series, Sheet};
 use crate::error::ReportError;
 use crate::evaluators::{Evaluators, read};
@@ -41,7 +43,9 @@ impl Presenter for DesignPresenter {
         let fronts: Vec<FoundFront> = fronts.into_iter().flatten().collect();
         let found = Results::new("fronts", &fronts, fronts.iter().map(ToString::to_string))
             .with_warnings(fronts.iter().flat_map(FoundFront::warnings).collect());
+        let designs = run.each(self.kind(), designs_found)?.concat();
         let mut results = vec![
+            Results::new("designs", &designs, None),
             Results::new("evaluators", &evaluators, evaluators.iter().map(ToString::to_string)),
             Results::new(
                 "design_intervals",
@@ -62,7 +66,7 @@ impl Presenter for DesignPresenter {
             let view = source.of(Designs::open(source.artifact))?;
             let best_rows = source.of(best_rows(&view))?;
             let values = source.of(view.value().read())?;
-            let best = best_rows.iter().filter_map(|row| values.get(*row)).copied();
+            let best: Vec<f64> = best_rows.iter().filter_map(|row| values.get(*row)).copied().collect();
             let (stage, unit) = (&source.stage.stage, source.of(view.unit())?);
             let objective = objective(source, &view)?;
             let angle = |value: f64| objective.as_ref().map_or_else(String::new, |read| read.angle(value));
@@ -75,13 +79,20 @@ impl Presenter for DesignPresenter {
             let robust = robust.map_or_else(String::new, |(words, value)| {
                 format!(" as drawn, {words} {} {unit}{}", mm(value), angle(value))
             });
-            let text = match best.reduce(f64::max) {
-                Some(value) => format!(
+            let ends = [f64::min, f64::max].map(|end| best.iter().copied().reduce(end));
+            let text = match (&best[..], ends) {
+                ([value], _) => format!(
                     "{stage}: best design {} {unit}{}{robust}, as predicted by the search, not verified",
-                    mm(value),
-                    angle(value)
+                    mm(*value),
+                    angle(*value)
                 ),
-                None => format!("{stage}: designs, not verified"),
+                (several, [Some(least), Some(most)]) => format!(
+                    "{stage}: best designs of {} targets, {} to {} {unit}, as predicted by the search, not verified",
+                    several.len(),
+                    mm(least),
+                    mm(most)
+                ),
+                _ => format!("{stage}: designs, not verified"),
             };
             let statuses = source.of(view.rows().status().read())?.0;
             let counted = best_rows.iter().filter_map(|row| statuses.get(*row));
@@ -133,6 +144,50 @@ impl Presenter for DesignPresenter {
         page.charts(&charts);
         Ok(())
     }
+}
+
+/// A design of a search, before it is verified.
+#[derive(Clone, Debug, Serialize)]
+struct FoundDesign {
+    stage: String,
+    case: String,
+    name: String,
+    role: Role,
+    member: u64,
+    units: u64,
+    area: f64,
+    /// As predicted by the search.
+    predicted: f64,
+    /// The unit of predicted values: mm or mN.
+    unit: &'static str,
+    status: String,
+}
+
+/// Returns the designs of a stage that its search has found.
+fn designs_found(source: &ArtifactReader<'_>) -> Result<Vec<FoundDesign>, ReportError> {
+    let view = source.of(Designs::open(source.artifact))?;
+    source.of(designs_of(&view, &source.stage.stage))
+}
+
+fn designs_of(view: &DesignsView<'_>, stage: &str) -> Result<Vec<FoundDesign>, StoreError> {
+    let (rows, values, unit) = (view.rows(), view.value().read()?, view.unit()?);
+    let (cases, names, roles) = (rows.case().read()?, rows.name().read()?, rows.role().read()?);
+    let (members, units, areas) = (rows.member().read()?, rows.units().read()?, rows.area().read()?);
+    let statuses = rows.status().read()?.0;
+    let design = |row: usize| FoundDesign {
+        stage: stage.to_owned(),
+        case: cases[row].clone(),
+        name: names[row].clone(),
+        role: roles[row],
+        member: members[row],
+        units: units[row],
+        area: areas[row],
+        predicted: values[row],
+        unit,
+        status: statuses[row].clone(),
+    };
+    let found = (0..names.len()).filter(|row| roles[*row].is_found());
+    Ok(found.map(design).collect())
 }
 
 /// Draws the history of a stage that has one search; the page has those of all.
