@@ -26,7 +26,8 @@ pub fn voltage_sweep(designs: &[Design]) -> Option<VoltageSweep> {
         return None;
     };
     let drive = &scene.drive;
-    let is_plain = drive.charge.is_none() && drive.waveform.is_none() && design.states.is_empty();
+    let is_at_rest = design.objective.moment.is_none() && drive.waveform.is_none();
+    let is_plain = is_at_rest && drive.charge.is_none() && design.states.is_empty();
     if !is_plain || scene.loads.is_some() || scene.is_in_space() || scene.geometry.sides.is_some() {
         return None;
     }
