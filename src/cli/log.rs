@@ -300,9 +300,7 @@ fn may_change(path: &str, parameter: &str) -> bool {
             // Where stages have different values, each has its own.
             let of_stage = parameter.strip_prefix("stages.").and_then(|rest| rest.find(".scene."));
             let own = of_stage.map(|at| &parameter["stages.".len() + at + 1..]);
-            // Robust objectives have masks from the tolerances.
-            let is_robust = section == "scene.tolerances" && parameter.contains(".robust.");
-            is_robust || is_at(parameter, &section) || own.is_some_and(|own| is_at(own, &section))
+            is_at(parameter, &section) || own.is_some_and(|own| is_at(own, &section))
         }
         _ => false,
     }

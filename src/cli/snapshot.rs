@@ -283,7 +283,7 @@ impl<'a> SnapshotReader<'a> {
         snapshot.can_be_set = true;
         for (spec, report) in pipeline.stages.iter().zip(&reports) {
             let parameters = Some(spec.stage().parameters());
-            snapshot.add_stage([&spec.name, spec.kind.name()], parameters, spec.from_scene);
+            snapshot.add_stage([&spec.name, spec.kind.name()], parameters, &spec.from_scene);
             match report.digest.filter(|_| report.why.is_none()) {
                 Some(digest) => self.results(&mut snapshot, &spec.name, &digest),
                 None => snapshot.unknown.push(format!("results of `{}`: not built", spec.name)),

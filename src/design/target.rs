@@ -242,6 +242,30 @@ impl Targets {
         Ok(Some(Front { others, pareto }))
     }
 
+    /// Returns the values of robust objectives that are those of the tolerances of a scene: by their paths in a
+    /// stage, that of a single objective also by its name among targets, and by their paths in the scene.
+    pub fn from_tolerances(&self) -> impl Iterator<Item = [String; 2]> {
+        let single = self.objective.iter().flat_map(|objective| {
+            let named = format!("targets.{SINGLE_NAME}.");
+            [(String::new(), objective), (named, objective)]
+        });
+        let targets = self.targets.iter().flatten();
+        let named = targets.map(|target| (format!("targets.{}.", target.name.0), &target.objective));
+        let objectives = self.objectives.iter().flatten();
+        let of_front = objectives.filter_map(|one| match one {
+            FrontObjective::Value(objective) => Some((format!("targets.{}.", Front::NAME), objective)),
+            FrontObjective::Cost(_) => None,
+        });
+        let all = single.chain(named).chain(of_front);
+        let robust = all.filter(|(_, objective)| objective.takes_tolerances());
+        robust.flat_map(|(start, _)| {
+            ["mask", "misregistration"].map(|key| {
+                let own = format!("{start}objective.robust.{key}");
+                [own, format!("tolerances.{key}")]
+            })
+        })
+    }
+
     /// Takes standard deviations of masks that are not given from the tolerances of a scene.
     #[must_use]
     pub fn with_tolerances(self, tolerances: Option<&Tolerances>) -> Self {

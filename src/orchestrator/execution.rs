@@ -262,7 +262,7 @@ impl Execution<'_> {
                 Outcome::Built => StageOutcome::Built,
                 _ => StageOutcome::Reused,
             },
-            from_scene: spec.from_scene.iter().map(|key| (*key).to_owned()).collect(),
+            from_scene: spec.from_scene.clone(),
         };
         self.completed.insert(index, stage);
     }

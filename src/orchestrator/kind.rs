@@ -101,10 +101,11 @@ pub trait Kind: Sync {
         both.map(Canonical::clone)
     }
 
-    /// Returns the parameters that a stage has from the scene, by the keys that it could have in their place.
-    fn scene_parameters(&self, stage: &Node) -> &'static [&'static str] {
+    /// Returns the parameters that a stage has from the scene, by the paths that it could have in their place. Each is
+    /// followed by `=` and its path in the scene if that differs: `objective.robust.mask=tolerances.mask`.
+    fn scene_parameters(&self, stage: &Node) -> Vec<String> {
         let _ = stage;
-        &[]
+        Vec::new()
     }
 
     /// Returns the results of a finished artifact as numbers by name, such as `max_displacement` or `rmse.physics`.

@@ -66,7 +66,7 @@ fn other_key(
     }
     let current = Current {
         recipe: spec.recipe(),
-        from_scene: spec.from_scene,
+        from_scene: &spec.from_scene,
         kind: spec.kind,
         parameters: &parameters,
         inputs: &inputs,

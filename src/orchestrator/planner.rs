@@ -339,7 +339,7 @@ impl<'a> Planner<'a> {
         let current = Current {
             recipe: spec.recipe(),
             kind: spec.kind,
-            from_scene: spec.from_scene,
+            from_scene: &spec.from_scene,
             parameters,
             inputs: &inputs,
         };

@@ -65,7 +65,7 @@ pub struct StageSpec {
     /// Its own scene, if it differs from that of the pipeline.
     pub scene: Option<Node>,
     /// The parameters that it has from the scene, see [`Kind::scene_parameters`].
-    pub from_scene: &'static [&'static str],
+    pub from_scene: Vec<String>,
     /// The files that it names, relative to the file of the pipeline.
     pub files: Vec<String>,
     /// The result of checking it before a run.

@@ -68,7 +68,7 @@ pub struct Current<'a> {
     /// Its kind.
     pub kind: &'a dyn Kind,
     /// The parameters that it has from the scene.
-    pub from_scene: &'a [&'a str],
+    pub from_scene: &'a [String],
     /// Canonical parameters.
     pub parameters: &'a Canonical,
     /// Names of the stages that it needs, with their digests as far as known.
@@ -112,7 +112,7 @@ impl Staleness {
     }
 }
 
-fn parameters_changed(both: [&Canonical; 2], from_scene: &[&str], which: fn(&str) -> bool) -> Vec<Staleness> {
+fn parameters_changed(both: [&Canonical; 2], from_scene: &[String], which: fn(&str) -> bool) -> Vec<Staleness> {
     let [now, then] = both.map(Canonical::leaves);
     let absent = || "none".to_owned();
     let value = |leaves: &[(String, &Canonical)], path: &str| {
@@ -167,15 +167,17 @@ fn of_stage(path: &str) -> &str {
 }
 
 /// Returns the path of a canonical parameter for `--set`: after `stages.NAME.`, or from `scene.` on. `from_scene` are
-/// the parameters that the stage has from the scene.
+/// the parameters that the stage has from the scene, see [`Kind::scene_parameters`].
 #[must_use]
 pub fn as_set<'p>(path: &'p str, from_scene: &[impl AsRef<str>]) -> Cow<'p, str> {
     let path = of_stage(path);
-    let key = path.split('.').next();
-    match from_scene.iter().any(|one| Some(one.as_ref()) == key) {
-        true => Cow::Owned(format!("scene.{path}")),
-        false => Cow::Borrowed(path),
-    }
+    let in_scene = |one: &str| {
+        let (own, scene) = one.split_once('=').unwrap_or((one, one));
+        let rest = path.strip_prefix(own)?;
+        (rest.is_empty() || rest.starts_with('.')).then(|| format!("scene.{scene}{rest}"))
+    };
+    let found = from_scene.iter().find_map(|one| in_scene(one.as_ref()));
+    found.map_or(Cow::Borrowed(path), Cow::Owned)
 }
 
 fn recipe_changed(now: u32, then: u32) -> Option<Staleness> {
@@ -246,7 +248,7 @@ mod tests {
             let current = Current {
                 recipe: 13,
                 kind: &&KIND,
-                from_scene: &["mask"],
+                from_scene: &["mask".to_owned()],
                 parameters: &parameters,
                 inputs: &[],
             };
@@ -257,6 +259,23 @@ mod tests {
         assert_eq!(told(8, 5), [parameter]);
         assert_eq!(told(8, 4), [parameter, "recipe changed: from 4 to 13"]);
         assert_eq!(told(2, 5), ["recipe changed: from 5 to 13"]);
+    }
+
+    #[test]
+    fn parameters_from_the_scene_have_its_paths() {
+        let from_scene = ["tolerances", "targets.left.objective.robust.mask=tolerances.mask"];
+        for (path, expected) in [
+            ("tolerances.thickness", "scene.tolerances.thickness"),
+            ("stage.tolerances", "scene.tolerances"),
+            ("targets.left.objective.robust.mask", "scene.tolerances.mask"),
+            (
+                "targets.right.objective.robust.mask",
+                "targets.right.objective.robust.mask",
+            ),
+            ("tolerances_of.mask", "tolerances_of.mask"),
+        ] {
+            assert_eq!(as_set(path, &from_scene), expected);
+        }
     }
 
     #[test]

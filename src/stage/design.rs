@@ -180,6 +180,15 @@ impl Kind for DesignKind {
         [(now, then), (then, now)].map(|(own, other)| targets_by_name(own, other).unwrap_or_else(|| own.clone()))
     }
 
+    fn scene_parameters(&self, stage: &Node) -> Vec<String> {
+        let map = stage.fields(DesignParameters::WHAT, &keys());
+        let read = map.and_then(|map| DesignParameters::of_stage(&map));
+        // A stage that cannot be read has been refused before.
+        let targets = read.map(|read| read.targets).ok();
+        let taken = targets.iter().flat_map(Targets::from_tolerances);
+        taken.map(|[own, scene]| format!("{own}={scene}")).collect()
+    }
+
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
         let view = Designs::open(artifact)?;
         let rows = view.rows();

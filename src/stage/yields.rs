@@ -150,10 +150,10 @@ impl Kind for YieldKind {
         })
     }
 
-    fn scene_parameters(&self, stage: &Node) -> &'static [&'static str] {
+    fn scene_parameters(&self, stage: &Node) -> Vec<String> {
         match stage.peek("tolerances") {
-            None => &["tolerances"],
-            Some(_) => &[],
+            None => vec!["tolerances".to_owned()],
+            Some(_) => Vec::new(),
         }
     }
 

@@ -136,7 +136,8 @@ pub struct RunStage {
     /// Whether it was built or reused.
     #[serde(default)]
     pub outcome: StageOutcome,
-    /// The parameters that it had from the scene and could have had of its own.
+    /// The parameters that it had from the scene and could have had of its own, by their paths; each followed by `=`
+    /// and its path in the scene if that differs.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub from_scene: Vec<String>,
 }

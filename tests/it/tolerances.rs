@@ -409,7 +409,7 @@ stages:
     let lognormal = ["scene.tolerances.thickness={ relative: 4 %, distribution: lognormal }"];
     let changed = "parameter changed: scene.tolerances.thickness from 3 % to {distribution: lognormal, relative: 4 %}";
     assert_eq!(why(&lognormal, "made"), changed);
-    let changed = "parameter changed: objective.robust.mask from 0.15 mm to 0.2 mm";
+    let changed = "parameter changed: scene.tolerances.mask from 0.15 mm to 0.2 mm";
     assert_eq!(why(&["scene.tolerances.mask=0.2 mm"], "best"), changed);
 
     // The scene of a stage is that of the lock file, so that what differs is named before any work.

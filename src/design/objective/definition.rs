@@ -427,6 +427,11 @@ impl Objective {
         masks.transpose().map_err(GoalError::Masks)
     }
 
+    /// Whether its masks are those of the tolerances of a scene.
+    pub(crate) fn takes_tolerances(&self) -> bool {
+        self.robust.as_ref().is_some_and(Robust::takes_tolerances)
+    }
+
     /// Takes standard deviations of masks that are not given from the tolerances of a scene.
     #[must_use]
     pub fn with_tolerances(self, tolerances: Option<&Tolerances>) -> Self {

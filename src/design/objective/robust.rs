@@ -114,10 +114,15 @@ impl Robust {
         }
     }
 
+    /// Whether its standard deviations are those of the tolerances of a scene.
+    pub(super) fn takes_tolerances(&self) -> bool {
+        self.mean_minus.is_some() && self.mask.is_none() && self.misregistration.is_none()
+    }
+
     /// Takes the standard deviations that are not given from tolerances.
     #[must_use]
     pub(super) fn with_tolerances(mut self, tolerances: &Tolerances) -> Self {
-        if self.mean_minus.is_some() && self.mask.is_none() && self.misregistration.is_none() {
+        if self.takes_tolerances() {
             self.mask = tolerances.mask;
             self.misregistration.clone_from(&tolerances.misregistration);
         }
