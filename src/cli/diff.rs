@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::arguments::{SetArguments, StoreArguments};
 use super::log::{WIDTH, with_unit};
-use super::snapshot::{Snapshot, SnapshotReader};
+use super::snapshot::{self, ByPath, Snapshot, SnapshotReader};
 use super::text::Text;
 use super::{CliError, Exit, Output, csv, locate, table};
 use deaflow_base::Canonical;
@@ -76,7 +76,8 @@ pub fn execute(arguments: &DiffArguments, output: &Output) -> Result<Exit, CliEr
                 .help("as in: deaflow diff @1 PIPELINE.yaml --set PATH=VALUE"),
         );
     }
-    let parameters = parameters(&from, &to);
+    let both = [&from, &to];
+    let parameters = changes(both, &snapshot::parameters(both));
     let results = results(&from, &to);
     if arguments.csv {
         output.plain(&rows(&parameters, &results)?)?;
@@ -84,22 +85,18 @@ pub fn execute(arguments: &DiffArguments, output: &Output) -> Result<Exit, CliEr
     }
     output.result(
         || document(&from, &to, &parameters, &results),
-        || text(&from, &to, &written_parameters(&from, &to), &results),
+        || text(&from, &to, &written_changes(both), &results),
     )
 }
 
-/// Returns the parameters that differ, by the paths of `--set`. Parameters of the scene that are the same for all
-/// stages appear once.
-fn parameters(from: &Snapshot, to: &Snapshot) -> Vec<Change<Canonical>> {
-    changes([from, to], [from.parameters(), to.parameters()])
+/// Returns the parameters that differ as written in a pipeline, by the paths of `--set`. Parameters of the scene that
+/// are the same for all stages appear once.
+fn written_changes(both: [&Snapshot; 2]) -> Vec<Change<Canonical>> {
+    changes(both, &snapshot::written_parameters(both))
 }
 
-/// Returns the same as written in a pipeline, for people.
-pub fn written_parameters(from: &Snapshot, to: &Snapshot) -> Vec<Change<Canonical>> {
-    changes([from, to], [from.written_parameters(to), to.written_parameters(from)])
-}
-
-fn changes([from, to]: [&Snapshot; 2], [before, after]: [BTreeMap<String, Canonical>; 2]) -> Vec<Change<Canonical>> {
+/// Returns the parameters of two snapshots that differ, by their paths.
+pub fn changes([from, to]: [&Snapshot; 2], [before, after]: &[ByPath; 2]) -> Vec<Change<Canonical>> {
     let names = before
         .keys()
         .chain(after.keys().filter(|name| !before.contains_key(*name)));
@@ -109,18 +106,18 @@ fn changes([from, to]: [&Snapshot; 2], [before, after]: [BTreeMap<String, Canoni
         .filter(|name| !from.is_unknown(name) && !to.is_unknown(name))
         // A parameter of the scene that is missing may belong to a stage with unknown parameters.
         .filter(|name| {
-            let is_lacking = |side: &Snapshot, known: &BTreeMap<String, Canonical>| {
+            let is_lacking = |side: &Snapshot, known: &ByPath| {
                 !known.contains_key(*name) && side.without_parameters().next().is_some()
             };
-            !(is_lacking(from, &before) || is_lacking(to, &after))
+            !(is_lacking(from, before) || is_lacking(to, after))
         })
         .filter(|name| {
-            let is_filled = |empty: &BTreeMap<String, Canonical>, other: &BTreeMap<String, Canonical>| {
+            let is_filled = |empty: &ByPath, other: &ByPath| {
                 empty
                     .get(*name)
                     .is_some_and(|value| is_filled(name, value, other.keys()))
             };
-            !is_filled(&before, &after) && !is_filled(&after, &before)
+            !is_filled(before, after) && !is_filled(after, before)
         })
         .map(|name| Change {
             name: name.clone(),
@@ -386,7 +383,7 @@ mod tests {
             side
         };
         let told = |from: &[(u64, u64)], to: &[(u64, u64)]| -> Vec<String> {
-            let changes = written_parameters(&of_groups(from), &of_groups(to));
+            let changes = written_changes([&of_groups(from), &of_groups(to)]);
             let text = |value: &Option<Canonical>| value.as_ref().map_or_else(String::new, Canonical::to_string);
             let named = together(&changes).into_iter();
             named
@@ -400,7 +397,8 @@ mod tests {
             told(&grids, &[(2, 6), (4, 50), (10, 50)]),
             ["stages.a.count_per_units: 40 to 50"]
         );
-        let changes = parameters(&of_groups(&grids), &of_groups(&grids[..2]));
+        let (from, to) = (of_groups(&grids), of_groups(&grids[..2]));
+        let changes = changes([&from, &to], &snapshot::parameters([&from, &to]));
         assert!(changes.iter().any(|change| change.name == "stages.a.units.10.count"));
     }
 

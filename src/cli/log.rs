@@ -1,6 +1,6 @@
 //! `deaflow log`: lists past runs.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::arguments::{StoreArguments, integer, pipeline_parser};
 use super::run_log::{UnfinishedRun, unfinished};
-use super::snapshot::{Snapshot, SnapshotReader, is_same_pipeline};
+use super::snapshot::{self, ByPath, Snapshot, SnapshotReader, is_same_pipeline};
 use super::table::Cell;
 use super::text::Text;
 use super::tone::Tone;
@@ -24,6 +24,13 @@ const DEFAULT_RUNS: usize = 20;
 
 /// The most changes of files that are listed for a run.
 const MAX_CHANGES: usize = 3;
+
+/// The most further runs that are read to find those before the listed ones: of a pipeline that has not been run for
+/// long, the changes of the last listed run stay unknown.
+const MAX_FURTHER: usize = 100;
+
+/// The longest value of an added parameter that is written, in characters.
+const MAX_VALUE: usize = 40;
 
 /// Runs with more stages are not compared: each stage is a file to read.
 const MAX_COMPARED: usize = 200;
@@ -56,7 +63,7 @@ pub fn execute(arguments: &LogArguments, output: &Output) -> Result<Exit, CliErr
         .map(|last| last as usize)
         .or(is_text.then_some(DEFAULT_RUNS));
     let unfinished = unfinished_of(&store, arguments.pipeline.as_deref())?;
-    let (runs, more) = past(&store, arguments.pipeline.as_deref(), most)?;
+    let Past { runs, more, before } = past(&store, arguments.pipeline.as_deref(), (most, is_text))?;
     match &arguments.pipeline {
         Some(path) if runs.is_empty() && unfinished.is_empty() => return Err(none_of(path, &store)),
         _ => {}
@@ -72,7 +79,7 @@ pub fn execute(arguments: &LogArguments, output: &Output) -> Result<Exit, CliErr
         let names = names(&runs);
         output.plain(&csv::text(&header(&names), runs.iter().map(|run| row(run, &names)))?)?;
     } else {
-        let changed = changed(&runs, &store)?;
+        let changed = changed(&runs, &before, &store)?;
         let mut text = text(&runs, &changed, more, arguments.pipeline.is_none(), &removed);
         if !unfinished.is_empty() {
             text.line("");
@@ -105,8 +112,18 @@ fn describe_unfinished(run: &UnfinishedRun, store: &Store) -> String {
     )
 }
 
-/// Returns the last runs, of one pipeline or of all, newest first; and whether there are more.
-fn past(store: &Store, pipeline: Option<&Path>, most: Option<usize>) -> Result<(Vec<Run>, bool), CliError> {
+/// Runs of the past, newest first.
+struct Past {
+    /// The listed runs.
+    runs: Vec<Run>,
+    /// Whether there are more.
+    more: bool,
+    /// Those before the first listed runs of pipelines.
+    before: Vec<Run>,
+}
+
+/// Returns the last runs, of one pipeline or of all: at most so many. Those before them are read to compare.
+fn past(store: &Store, pipeline: Option<&Path>, (most, compared): (Option<usize>, bool)) -> Result<Past, CliError> {
     let all: Box<dyn Iterator<Item = Result<Run, StoreError>>> = match most {
         None => Box::new(store.runs()?.all()?.into_iter().map(Ok)),
         Some(_) => Box::new(store.runs()?),
@@ -115,14 +132,25 @@ fn past(store: &Store, pipeline: Option<&Path>, most: Option<usize>) -> Result<(
         None => all,
         Some(path) => Box::new(store.runs_of(all, &file_of(path), &pipeline::name_in(path))),
     };
-    let mut runs = Vec::new();
-    while let Some(run) = selected.next().transpose()? {
-        if most.is_some_and(|most| runs.len() == most) {
-            return Ok((runs, true));
+    let listed = selected.by_ref().take(most.unwrap_or(usize::MAX));
+    let runs: Vec<Run> = listed.collect::<Result<_, _>>()?;
+    let (mut before, mut more): (Vec<Run>, bool) = (Vec::new(), false);
+    // The rest of the history may be long.
+    for run in selected.take(if compared { MAX_FURTHER } else { 1 }) {
+        let run = run?;
+        more = true;
+        let is_same = |other: &Run| is_same_pipeline(other, &run);
+        if compared && runs.iter().any(is_same) && !before.iter().any(is_same) {
+            before.push(run);
         }
-        runs.push(run);
+        if runs
+            .iter()
+            .all(|run| before.iter().any(|other| is_same_pipeline(other, run)))
+        {
+            break;
+        }
     }
-    Ok((runs, false))
+    Ok(Past { runs, more, before })
 }
 
 fn none_of(pipeline: &Path, store: &Store) -> CliError {
@@ -240,10 +268,12 @@ fn text(runs: &[Run], changed: &[Vec<String>], more: bool, of_all: bool, removed
 /// The width of tables with long values where there is no terminal.
 pub const WIDTH: usize = 120;
 
-/// Describes how the files of each run differ from those of the run before it, of the same pipeline. What an override
-/// may have changed is left out, and so are the stage that a sweep adds and the last listed run.
-fn changed(runs: &[Run], store: &Store) -> Result<Vec<Vec<String>>, CliError> {
+/// Describes how the files of each run differ from those of the run before it, of the same pipeline, in the stages that
+/// both have; `before` are runs that are not listed. What an override may have changed is left out, and so is the stage
+/// that a sweep adds.
+fn changed(listed: &[Run], before: &[Run], store: &Store) -> Result<Vec<Vec<String>>, CliError> {
     let reader = SnapshotReader::new(store);
+    let runs: Vec<&Run> = listed.iter().chain(before).collect();
     let snapshots: Vec<Snapshot> = runs
         .iter()
         .map(|run| match run.stages.len() {
@@ -252,36 +282,88 @@ fn changed(runs: &[Run], store: &Store) -> Result<Vec<Vec<String>>, CliError> {
         })
         .collect::<Result<_, _>>()?;
     let of = |at: usize| {
-        let is_same = |other: &usize| is_same_pipeline(&runs[*other], &runs[at]);
+        let is_same = |other: &usize| is_same_pipeline(runs[*other], runs[at]);
         let Some(before) = (at + 1..runs.len()).find(is_same) else {
             return Vec::new();
         };
-        let both = [&runs[at], &runs[before]];
-        let differing = |path: &&String| both[0].overrides.get(*path) != both[1].overrides.get(*path);
-        let sets: BTreeSet<&String> = both.iter().flat_map(|run| run.overrides.keys()).collect();
-        let sets: Vec<&String> = sets.into_iter().filter(differing).collect();
-        let is_set = |change: &diff::Change<Canonical>| sets.iter().any(|path| may_change(path, &change.name));
-        let added: Vec<String> = both
-            .iter()
-            .filter(|run| run.command == Command::Sweep)
-            .flat_map(|run| run.stages.iter().filter(|stage| sweep::is_added(stage)))
-            .map(|stage| format!("stages.{}.", stage.name))
-            .collect();
-        let is_added = |change: &diff::Change<Canonical>| added.iter().any(|start| change.name.starts_with(start));
-        let mut changes = diff::written_parameters(&snapshots[before], &snapshots[at]);
-        // A stage that one of them did not reach does not count.
-        changes.retain(|change| change.from.is_some() && change.to.is_some() && !is_set(change) && !is_added(change));
-        let text = |value: &Option<Canonical>| value.as_ref().map_or_else(String::new, Canonical::to_string);
-        diff::together(&changes)
+        let runs = [runs[before], runs[at]];
+        let snapshots = [&snapshots[before], &snapshots[at]];
+        changes_of_files(runs, snapshots)
             .into_iter()
-            .map(|(name, change)| format!("{name} from {} to {}", text(&change.from), text(&change.to)))
-            .chain(unknown_changes(
-                [&runs[before], &runs[at]],
-                [&snapshots[before], &snapshots[at]],
-            ))
+            .chain(unknown_changes(runs, snapshots))
             .collect()
     };
-    Ok((0..runs.len()).map(of).collect())
+    Ok((0..listed.len()).map(of).collect())
+}
+
+/// Describes the parameters of files that differ between two runs: first those with two values, then those that were
+/// added or removed.
+fn changes_of_files(runs: [&Run; 2], [from, to]: [&Snapshot; 2]) -> Vec<String> {
+    let differing = |path: &&String| runs[0].overrides.get(*path) != runs[1].overrides.get(*path);
+    let sets: BTreeSet<&String> = runs.iter().flat_map(|run| run.overrides.keys()).collect();
+    let sets: Vec<&String> = sets.into_iter().filter(differing).collect();
+    let added: Vec<String> = runs
+        .iter()
+        .filter(|run| run.command == Command::Sweep)
+        .flat_map(|run| run.stages.iter().filter(|stage| sweep::is_added(stage)))
+        .map(|stage| format!("stages.{}.", stage.name))
+        .collect();
+    let shared = [from.shared_with(to), to.shared_with(from)];
+    let shared = shared.each_ref();
+    let values = snapshot::written_parameters(shared);
+    let mut changes = diff::changes(shared, &values);
+    changes.retain(|change| {
+        let is_set = sets.iter().any(|path| may_change(path, &change.name));
+        !is_set && !added.iter().any(|start| change.name.starts_with(start))
+    });
+    let (both, one): (Vec<_>, Vec<_>) = changes
+        .into_iter()
+        .partition(|change| change.from.is_some() && change.to.is_some());
+    let text = |value: &Option<Canonical>| value.as_ref().map_or_else(String::new, Canonical::to_string);
+    let mut described: Vec<String> = diff::together(&both)
+        .into_iter()
+        .map(|(name, change)| format!("{name} from {} to {}", text(&change.from), text(&change.to)))
+        .collect();
+    described.extend(added_or_removed(&one, &values));
+    described
+}
+
+/// Describes parameters that only one side has. Those of a mapping that the other side lacks are named by it.
+fn added_or_removed(changes: &[diff::Change<Canonical>], [before, after]: &[ByPath; 2]) -> Vec<String> {
+    let part = |change: &diff::Change<Canonical>| {
+        let (others, word) = match change.from {
+            Some(_) => (after, "removed"),
+            None => (before, "added"),
+        };
+        (missing_part(&change.name, others).to_owned(), word)
+    };
+    let mut parts: BTreeMap<(String, &str), Vec<&diff::Change<Canonical>>> = BTreeMap::new();
+    for change in changes {
+        parts.entry(part(change)).or_default().push(change);
+    }
+    let described = parts.into_iter().map(|((part, word), changes)| {
+        let [change] = changes[..] else {
+            return format!("{part} {word}");
+        };
+        let value = change.to.as_ref().map(Canonical::to_string);
+        match value.filter(|value| value.chars().count() <= MAX_VALUE) {
+            Some(value) => format!("{} {word} ({value})", change.name),
+            None => format!("{} {word}", change.name),
+        }
+    });
+    described.collect()
+}
+
+/// Returns the shortest start of a path, up to a dot or its end, that is no start of other paths.
+fn missing_part<'p>(path: &'p str, others: &ByPath) -> &'p str {
+    let is_known = |start: &str| {
+        let within = format!("{start}.");
+        let next = others.range(within.clone()..).next();
+        others.contains_key(start) || next.is_some_and(|(other, _)| other.starts_with(&within))
+    };
+    let ends = path.match_indices('.').map(|(at, _)| at);
+    let mut starts = ends.map(|end| &path[..end]).filter(|start| !is_known(start));
+    starts.next().unwrap_or(path)
 }
 
 /// Whether an override may change a parameter: any of its stage, since parameters follow from others, or of its section
@@ -396,6 +478,43 @@ fn results(run: &Run) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn parameters_of_a_part_that_the_other_side_lacks_are_named_by_it() {
+        let values = |paths: &[&str]| -> ByPath {
+            let each = paths.iter().map(|path| ((*path).to_owned(), Canonical::from(3_u64)));
+            each.collect()
+        };
+        let before = values(&["scene.effects.gravity", "scene.tolerances.mask", "stages.a@r=1.5.kind"]);
+        let after = values(&[
+            "scene.effects.creep.branches",
+            "scene.effects.creep.time",
+            "scene.effects.gravity",
+            "scene.tolerances.thickness",
+            "stages.a@r=1.5.kind",
+            "stages.a@r=1.5.order",
+        ]);
+        let only = |one: &ByPath, other: &ByPath| -> Vec<(String, Canonical)> {
+            let missing = one.iter().filter(|(path, _)| !other.contains_key(*path));
+            missing.map(|(path, value)| (path.clone(), value.clone())).collect()
+        };
+        let change = |name, [from, to]: [Option<Canonical>; 2]| diff::Change { name, from, to };
+        let removed = only(&before, &after).into_iter();
+        let removed = removed.map(|(path, value)| change(path, [Some(value), None]));
+        let added = only(&after, &before).into_iter();
+        let changes: Vec<_> = removed
+            .chain(added.map(|(path, value)| change(path, [None, Some(value)])))
+            .collect();
+        assert_eq!(
+            added_or_removed(&changes, &[before, after]),
+            [
+                "scene.effects.creep added",
+                "scene.tolerances.mask removed",
+                "scene.tolerances.thickness added (3)",
+                "stages.a@r=1.5.order added (3)",
+            ]
+        );
+    }
 
     #[test]
     fn an_override_may_change_its_stage_or_its_section_of_the_scene() {

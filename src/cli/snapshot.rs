@@ -1,6 +1,6 @@
 //! Parameters and results of a past run, a pipeline, a lock file or an artifact, for comparisons.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use super::{CliError, locate, pipeline};
@@ -13,6 +13,7 @@ use deaflow_store::{Artifact, LockFile, Record, Run, Store, StoreError};
 const SCENE: &str = "scene.";
 
 /// A stage of a snapshot.
+#[derive(Clone)]
 struct NamedStage {
     name: String,
     kind: String,
@@ -96,59 +97,88 @@ impl Snapshot {
             .unwrap_or(("", name))
     }
 
-    /// Returns all parameters by the paths of `--set`: `scene.drive.voltage` if it is the same for all stages that have
-    /// it,
-    /// otherwise `stages.NAME.scene.drive.voltage`.
-    pub fn parameters(&self) -> BTreeMap<String, Canonical> {
-        by_path(self.stages.iter().map(|stage| (stage, stage.parameters.clone())))
+    /// Returns the parameters of those stages that another snapshot has too, by name and kind.
+    pub fn shared_with(&self, other: &Self) -> Self {
+        let is_shared = |stage: &&NamedStage| other.same(stage).is_some();
+        Self {
+            stages: self.stages.iter().filter(is_shared).cloned().collect(),
+            ..Self::new(self.title.clone())
+        }
     }
 
-    /// Returns the parameters as they are written in a pipeline, to name what differs from another snapshot.
-    pub fn written_parameters(&self, other: &Self) -> BTreeMap<String, Canonical> {
-        let kinds = stage::registry().kinds;
-        let written = |stage: &NamedStage| {
-            let own = stage.parameters.as_ref()?;
-            let is_same = |one: &&NamedStage| (&one.name, &one.kind) == (&stage.name, &stage.kind);
-            let same = other.stages.iter().find(is_same);
-            let theirs = same.and_then(|same| same.parameters.as_ref()).unwrap_or(own);
-            let Some(kind) = kinds.iter().find(|known| known.name() == stage.kind) else {
-                return Some(own.clone());
-            };
-            let [written, _] = kind.as_written([own, theirs]);
-            Some(written)
-        };
-        by_path(self.stages.iter().map(|stage| (stage, written(stage))))
+    /// Returns the stage of the same name and kind.
+    fn same(&self, stage: &NamedStage) -> Option<&NamedStage> {
+        let is_same = |one: &&NamedStage| (&one.name, &one.kind) == (&stage.name, &stage.kind);
+        self.stages.iter().find(is_same)
     }
 }
 
-/// Returns parameters of stages by the paths of `--set`, as [`Snapshot::parameters`].
-fn by_path<'s>(stages: impl Iterator<Item = (&'s NamedStage, Option<Canonical>)>) -> BTreeMap<String, Canonical> {
-    let mut all = BTreeMap::new();
-    let mut of_scene: BTreeMap<String, Vec<(&str, Canonical)>> = BTreeMap::new();
-    for (stage, parameters) in stages {
-        let name = stage.name.as_str();
-        all.insert(format!("stages.{name}.kind"), Canonical::from(stage.kind.as_str()));
-        for (path, value) in parameters.iter().flat_map(Canonical::leaves) {
-            if !is_of_users(&path) {
-                continue;
-            }
-            let path = as_set(&path, &stage.from_scene).into_owned();
-            match path.starts_with(SCENE) {
-                true => of_scene.entry(path).or_default().push((name, value.clone())),
-                false => drop(all.insert(format!("stages.{name}.{path}"), value.clone())),
+/// Parameters by the paths of `--set`.
+pub type ByPath = BTreeMap<String, Canonical>;
+
+/// Returns all parameters of two snapshots by the paths of `--set`: `scene.drive.voltage` if it is the same for all
+/// stages of a snapshot that have it, otherwise `stages.NAME.scene.drive.voltage` in both.
+pub fn parameters(both: [&Snapshot; 2]) -> [ByPath; 2] {
+    by_path(both, |stage, _| stage.parameters.clone())
+}
+
+/// Returns the same as written in a pipeline, to name what differs.
+pub fn written_parameters(both: [&Snapshot; 2]) -> [ByPath; 2] {
+    let kinds = stage::registry().kinds;
+    by_path(both, |stage, same| {
+        let own = stage.parameters.as_ref()?;
+        let same = same.and_then(|same| same.parameters.as_ref());
+        let Some(kind) = kinds.iter().find(|known| known.name() == stage.kind) else {
+            return Some(own.clone());
+        };
+        let [written, _] = kind.as_written([own, same.unwrap_or(own)]);
+        Some(written)
+    })
+}
+
+/// Returns parameters by the paths of `--set`, as [`parameters`]. `written` returns those of a stage, given the same
+/// stage of the other snapshot.
+fn by_path(
+    both: [&Snapshot; 2],
+    written: impl Fn(&NamedStage, Option<&NamedStage>) -> Option<Canonical>,
+) -> [ByPath; 2] {
+    let mut own = [ByPath::new(), ByPath::new()];
+    let mut of_scene: [BTreeMap<String, Vec<(&str, Canonical)>>; 2] = [BTreeMap::new(), BTreeMap::new()];
+    let [from, to] = both;
+    for (side, (snapshot, other)) in [(from, to), (to, from)].into_iter().enumerate() {
+        for stage in &snapshot.stages {
+            let (name, same) = (stage.name.as_str(), other.same(stage));
+            // What a stage has from the scene on one side only is compared by its own path.
+            let is_of_both = |key: &&String| same.is_none_or(|same| same.from_scene.contains(key));
+            let from_scene: Vec<&String> = stage.from_scene.iter().filter(is_of_both).collect();
+            own[side].insert(format!("stages.{name}.kind"), Canonical::from(stage.kind.as_str()));
+            let parameters = written(stage, same);
+            for (path, value) in parameters.iter().flat_map(Canonical::leaves) {
+                if !is_of_users(&path) {
+                    continue;
+                }
+                let path = as_set(&path, &from_scene).into_owned();
+                match path.starts_with(SCENE) {
+                    true => of_scene[side].entry(path).or_default().push((name, value.clone())),
+                    false => drop(own[side].insert(format!("stages.{name}.{path}"), value.clone())),
+                }
             }
         }
     }
-    for (path, values) in of_scene {
-        let first = &values[0].1;
-        if values.iter().all(|(_, value)| value == first) {
-            all.insert(path, first.clone());
-        } else {
-            let each = values.into_iter();
-            all.extend(each.map(|(name, value)| (format!("stages.{name}.{path}"), value)));
+    let differs = |values: &Vec<(&str, Canonical)>| values.iter().any(|(_, value)| *value != values[0].1);
+    let each = of_scene.iter().flatten().filter(|(_, values)| differs(values));
+    let by_stage: BTreeSet<String> = each.map(|(path, _)| path.clone()).collect();
+    for (all, of_scene) in own.iter_mut().zip(of_scene) {
+        for (path, values) in of_scene {
+            if by_stage.contains(&path) {
+                let each = values.into_iter();
+                all.extend(each.map(|(name, value)| (format!("stages.{name}.{path}"), value)));
+            } else {
+                all.extend(values.into_iter().next().map(|(_, value)| (path, value)));
+            }
         }
     }
-    all
+    own
 }
 
 /// Whether two runs are of the same file by the same command.

@@ -387,3 +387,42 @@ fn what_an_override_or_a_sweep_has_changed_is_not_a_change_of_the_files() {
     let listed = workspace.run(&["log"]).stdout;
     assert!(listed.contains("changed in the files"), "{listed}");
 }
+
+#[test]
+fn parameters_that_were_added_to_the_files_or_removed_are_listed() {
+    let workspace = Workspace::new();
+    let run = |text: &str, sets: &[&str]| {
+        workspace.write("short.yaml", text);
+        let ended = workspace.run(&[&["run", "short.yaml"], sets].concat());
+        let listed = workspace.run(&["log", "-n", "1"]);
+        assert_eq!(listed.code, Some(0), "{listed}");
+        let words: Vec<&str> = listed.stdout.split_whitespace().collect();
+        (ended.code, words.join(" "))
+    };
+    let effects = |effects: &str| SHORT.replace("effects: {}", &format!("effects: {effects}"));
+    assert_ne!(effects("x"), SHORT);
+    let (_, first) = run(SHORT, &[]);
+    assert!(!first.contains("changed in the files"), "{first}");
+    // Several values of a part are one change. The run before is not in the list.
+    let stiffening = "{ strain_stiffening: { model: gent, jm: 90 } }";
+    let (_, added) = run(&effects(stiffening), &[]);
+    assert!(
+        added.contains("changed in the files: scene.effects.strain_stiffening added"),
+        "{added}"
+    );
+    assert!(!added.contains("gent"), "{added}");
+    let (_, removed) = run(SHORT, &[]);
+    assert!(
+        removed.contains("changed in the files: scene.effects.strain_stiffening removed"),
+        "{removed}"
+    );
+    // An override explains what it adds.
+    let set = format!("scene.effects={stiffening}");
+    let (_, set) = run(SHORT, &["--set", &set]);
+    assert!(!set.contains("changed in the files"), "{set}");
+    // A stage that a run did not reach, or that is new, is no change of parameters.
+    let more = format!("{SHORT}  again: {{ kind: solve, needs: [small], elements_per_cell: 2 }}\n");
+    run(SHORT, &[]);
+    let (_, new) = run(&more, &[]);
+    assert!(!new.contains("changed in the files"), "{new}");
+}

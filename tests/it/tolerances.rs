@@ -441,4 +441,31 @@ stages:
     // The mask of a robust objective is that of the scene.
     run(&workspace, &["--set", "scene.tolerances.mask=0.2 mm"]);
     assert_eq!(log().matches("changed in the files").count(), 1, "{}", log());
+    // What is added to the scene is named once, and what a stage has in place of the scene is its own.
+    run(&workspace, &[]);
+    let before = pipeline("2 %");
+    let changes = |text: &str| {
+        workspace.write("made.yaml", text);
+        run(&workspace, &[]);
+        let listed = workspace.run(&["log", "made.yaml", "-n", "1"]).stdout;
+        let words: Vec<&str> = listed.split_whitespace().collect();
+        let listed = words.join(" ");
+        let at = listed.find("changed in the files: ").unwrap_or(listed.len());
+        listed[at..].split(" results").next().unwrap_or_default().to_owned()
+    };
+    let more = before.replace("mask: 0.15 mm }", "mask: 0.15 mm, misregistration: 0.1 mm }");
+    let added = changes(&more);
+    assert!(
+        added.contains("scene.tolerances.misregistration added (") && !added.contains("robust"),
+        "{added}"
+    );
+    assert_eq!(
+        changes(&before),
+        "changed in the files: scene.tolerances.misregistration removed"
+    );
+    let own = before.replace("mean_minus: 1 }", "mean_minus: 1, mask: 0.2 mm }");
+    assert_eq!(
+        changes(&own),
+        "changed in the files: stages.best.objective.robust.mask from 0.15 mm to 0.2 mm"
+    );
 }
