@@ -1,10 +1,15 @@
 //! `--set`: values from the command line, checked like those of a file.
 
+use std::borrow::Cow;
+
 use super::error::{InputError, nearest, suggested, suggestion};
 use super::node::{Node, NodeValue};
 
 /// The key that a path of one step can replace.
 const SCENE: &str = "scene";
+
+/// The key by which a path can name an item of a list.
+const NAME: &str = "name";
 
 /// What messages call the keys that a mapping of the file has.
 const IN_FILE: &str = "in the file";
@@ -154,7 +159,7 @@ impl Override {
 
     /// Sets the value in the tree; `null` removes the key. Every step except the last must exist. Within a stage or the
     /// scene, a missing step is created as a mapping unless it looks like a misspelt key of another part; the reader of
-    /// the mapping checks it. In a list a step is the number of an item, from 0.
+    /// the mapping checks it. In a list a step is the number of an item, from 0, or its `name`.
     ///
     /// # Errors
     /// When a step does not exist or is neither a mapping nor a list, or there is nothing to remove.
@@ -162,6 +167,8 @@ impl Override {
         let mut at = root;
         let (last, steps) = self.path.split_last().expect("a path has at least one step");
         for (depth, step) in steps.iter().enumerate() {
+            let step = self.in_list(at, depth, step)?;
+            let step = step.as_ref();
             let (known, parent) = (at.keys(), at.parent_of(step));
             let is_missing = parent.is_none() && at.child_mut(step).is_none();
             if depth >= self.created_from && is_missing && !is_near_part(step, at) {
@@ -175,8 +182,9 @@ impl Override {
         }
         let known = at.keys();
         if let Some(items) = items_of(at) {
+            let last = self.in_list(at, steps.len(), last)?;
             let item = at
-                .child_mut(last)
+                .child_mut(&last)
                 .ok_or_else(|| self.missing_item(steps.len(), items))?;
             return match self.value.value() {
                 NodeValue::Null => Err(self
@@ -206,6 +214,39 @@ impl Override {
             (None, _) => entries.push((self.keys[steps.len()].clone(), self.value.clone())),
         }
         Ok(())
+    }
+
+    /// Returns a step with the number of an item of a list in place of its name. Numbers and other steps stay.
+    fn in_list<'s>(&self, at: &Node, depth: usize, step: &'s str) -> Result<Cow<'s, str>, InputError> {
+        let NodeValue::List(items) = at.value() else {
+            return Ok(Cow::Borrowed(step));
+        };
+        let name = |item: &'_ Node| match item.peek(NAME)?.value() {
+            NodeValue::Text(name) => Some(name.clone()),
+            _ => None,
+        };
+        let names: Vec<Option<String>> = items.iter().map(name).collect();
+        let known: Vec<&str> = names.iter().flatten().map(String::as_str).collect();
+        if known.is_empty() || step.parse::<usize>().is_ok() {
+            return Ok(Cow::Borrowed(step));
+        }
+        let named: Vec<String> = (0..names.len())
+            .filter(|&at| names[at].as_deref() == Some(step))
+            .map(|at| at.to_string())
+            .collect();
+        let list = self.path[..depth].join(".");
+        let (message, help) = match &named[..] {
+            [one] => return Ok(Cow::Owned(one.clone())),
+            [] => (
+                format!("{}: no item of `{list}` is named `{step}`", self.name),
+                suggested(step, ("names", &known)),
+            ),
+            several => (
+                format!("{}: {} items of `{list}` are named `{step}`", self.name, several.len()),
+                format!("names: {}; use a number: {}", known.join(", "), several.join(" or ")),
+            ),
+        };
+        Err(self.keys[depth].error(message).help(help))
     }
 
     /// Creates the error for a step that is not an item of a list.

@@ -134,6 +134,42 @@ fn an_override_replaces_an_item_of_a_list() {
 }
 
 #[test]
+fn an_override_finds_an_item_of_a_list_by_its_name() {
+    let text =
+        "stages: { d: { targets: [{ name: left, area: 0.3 }, { name: \"7\" }, { name: twin }, { name: twin }] } }";
+    let mut node = parse(text);
+    let mut set = |text: &str| Override::parse(text).unwrap().apply(&mut node);
+    set("stages.d.targets.left.area=0.4").unwrap();
+    // A number is that of an item, whatever names are there.
+    set("stages.d.targets.1.area=0.5").unwrap();
+    for (text, message, help) in [
+        (
+            "stages.d.targets.lft.area=1",
+            "no item of `stages.d.targets` is named `lft`",
+            "did you mean `left`? names: left, 7, twin",
+        ),
+        (
+            "stages.d.targets.twin=1",
+            "2 items of `stages.d.targets` are named `twin`",
+            "names: left, 7, twin, twin; use a number: 2 or 3",
+        ),
+        (
+            "stages.d.targets.7.area=1",
+            "`stages.d.targets` has no item `7`",
+            "allowed: 0 to 3",
+        ),
+    ] {
+        let error = set(text).unwrap_err();
+        assert!(error.to_string().contains(message), "{error}");
+        assert_eq!(error.help.as_deref(), Some(help), "{text}");
+    }
+    let targets = node.peek("stages").unwrap().peek("d").unwrap();
+    let written = targets.written();
+    assert!(written.contains("{ name: left, area: 0.4 }"), "{written}");
+    assert!(written.contains("area: 0.5 }, { name: twin }"), "{written}");
+}
+
+#[test]
 fn an_item_of_a_list_that_is_not_there_cannot_be_set() {
     let mut node = parse("scene: { geometry: { side: 50 mm } }\n");
     let set = Override::parse("scene.geometry.load.0=1 N").unwrap();
