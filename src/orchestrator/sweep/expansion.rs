@@ -1,12 +1,13 @@
 //! One stage for each combination of values, with the needs that belong to it.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::rc::Rc;
 
 use super::axes::{FOREACH, combinations, declared, too_many, unused};
 use super::matching::{Matching, combined, projected};
 use super::settings::{Setting, Settings, joined, key, name, value_of};
-use super::substitute::Substitution;
-use super::template::{axes_in, is_template};
+use super::substitute::{Substitution, no_axis};
+use super::template::{axes_in, is_template, place_of};
 use super::{MANY_STAGES, Sweep};
 use crate::entry::{Registry, refuse_cycle_of, suggestion};
 use crate::graph;
@@ -79,7 +80,7 @@ fn misspelt(node: &Node) -> Option<(&Node, &'static str)> {
         return None;
     };
     let near = |(key, _): &'_ (Node, Node)| match key.value() {
-        NodeValue::Text(text) => nearest(text, &[FOREACH]),
+        NodeValue::Text(text) if text != FOREACH => nearest(text, &[FOREACH]),
         _ => None,
     };
     entries.iter().find_map(|entry| Some((&entry.0, near(entry)?)))
@@ -628,6 +629,12 @@ impl<'a> Expansion<'a> {
                 );
                 return Err(key.error(unknown).help(format!("did you mean `{near}`?")));
             }
+            let names = self.axes()?;
+            if let Some(at) = place_of(scene, missing).filter(|_| !names.contains(&**missing)) {
+                let names: Vec<&str> = names.iter().map(|name| &**name).collect();
+                let place = format!("in stage `{}` and those that it needs", self.templates[place].name);
+                return Err(no_axis(at, missing, &names, &place));
+            }
             let help = format!("add foreach: {{ {missing}: [ … ] }} to the stage or to one that it needs");
             return Err(self.templates[place].key.error(message).help(help));
         }
@@ -640,6 +647,15 @@ impl<'a> Expansion<'a> {
             instance.node.put(SWEPT_SCENE, scene.clone());
         }
         Ok(())
+    }
+
+    /// The names of the axes that stages declare.
+    fn axes(&self) -> Result<BTreeSet<Rc<str>>, InputError> {
+        let mut names = BTreeSet::new();
+        for template in &self.templates {
+            names.extend(declared(template.node)?.into_iter().flat_map(|(_, axes)| axes));
+        }
+        Ok(names)
     }
 
     /// The sweeps, and the stages by their names in the order of the file.

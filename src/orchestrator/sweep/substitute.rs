@@ -140,11 +140,16 @@ fn value<'a>(node: &Node, axis: &str, settings: &'a [Setting]) -> Result<&'a Nod
         return Ok(&value.node);
     }
     let names: Vec<&str> = settings.iter().map(|setting| &*setting.axis).collect();
+    Err(no_axis(node, axis, &names, "here"))
+}
+
+/// A refusal of the name of an axis that is none of some names; `place` says where there may be no axes at all.
+pub fn no_axis(node: &Node, axis: &str, names: &[&str], place: &str) -> InputError {
     let help = match names.is_empty() {
         true => format!(
-            "there are no axes here: add foreach: {{ {axis}: [ … ] }}, or write $${{ for the letters themselves"
+            "there are no axes {place}: add foreach: {{ {axis}: [ … ] }}, or write $${{ for the letters themselves"
         ),
-        false => suggestion(axis, &names),
+        false => suggestion(axis, names),
     };
-    Err(node.error(format!("no axis is named `{axis}`")).help(help))
+    node.error(format!("no axis is named `{axis}`")).help(help)
 }

@@ -19,6 +19,16 @@ pub fn axes_in(node: &Node) -> Vec<String> {
     names
 }
 
+/// Returns the text in a node that names an axis.
+pub fn place_of<'n>(node: &'n Node, axis: &str) -> Option<&'n Node> {
+    match node.value() {
+        NodeValue::Text(_) => axes_in(node).iter().any(|name| name == axis).then_some(node),
+        NodeValue::List(items) => items.iter().find_map(|item| place_of(item, axis)),
+        NodeValue::Map(entries) => entries.iter().find_map(|(_, value)| place_of(value, axis)),
+        _ => None,
+    }
+}
+
 /// Returns whether a node contains `${`, also an escaped one.
 pub fn is_template(node: &Node) -> bool {
     let mut found = false;

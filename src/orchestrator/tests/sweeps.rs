@@ -295,11 +295,25 @@ stages:
         .replace("foreach: { voltage: [3000, 4000] }", "")
         .replace("say:", "#");
     let (why, help) = refusal_of(&without);
-    assert!(
-        why.contains("the scene has the axis `voltage`, and stage `solved` has not"),
-        "{why}"
-    );
+    assert_eq!(why, "no axis is named `voltage`");
     assert!(help.contains("foreach: { voltage"), "{help}");
+    let misspelt = text.replace("voltage: \"${voltage}\"", "voltage: \"${voltge}\"");
+    let (why, help) = refusal_of(&misspelt);
+    assert_eq!(why, "no axis is named `voltge`");
+    assert_eq!(help, "did you mean `voltage`? available: voltage");
+    // The same in a scene in a file.
+    let (scene, file) = ("scene.yaml", lab.folder.path().join("toy.yaml"));
+    std::fs::write(file.with_file_name(scene), "drive: { voltage: \"${voltge}\" }\n").unwrap();
+    let line = text.lines().find(|line| line.starts_with("scene:")).unwrap();
+    std::fs::write(&file, text.replace(line, "scene: scene.yaml")).unwrap();
+    let error = Pipeline::load(&file, &[], &lab.registry).err().unwrap();
+    let help = Diagnostic::help(&error).map(|help| help.to_string());
+    assert_eq!(error.to_string(), "no axis is named `voltge`");
+    assert_eq!(help.as_deref(), Some("did you mean `voltage`? available: voltage"));
+    // Another stage has the axis.
+    let other = without.replace("count: 10 }", "count: \"${voltage}\", foreach: { voltage: [1, 2] } }");
+    let (why, _) = refusal_of(&other.replace("needs: [small]", ""));
+    assert_eq!(why, "the scene has the axis `voltage`, and stage `solved` has not");
 }
 
 #[test]
