@@ -351,6 +351,9 @@ pub struct VerbosityArguments {
 /// The heading of options about drawings and pictures.
 pub const DRAWINGS: &str = "Drawings and pictures";
 
+/// The largest coordinate in mm at which the origin of a drawing may be placed.
+const FARTHEST_ORIGIN: f64 = 1e9;
+
 #[derive(Clone, Debug, Args)]
 pub struct DrawingArguments {
     /// The layer of the electrodes in a drawing; several are the electrode groups in their order [default: layers named
@@ -360,6 +363,10 @@ pub struct DrawingArguments {
     /// The unit of lengths in a drawing: um, mm, cm, m or in [default: that of the file]
     #[arg(long, value_name = "UNIT", value_parser = drawing_unit, help_heading = DRAWINGS)]
     unit: Option<DrawingUnit>,
+    /// Where the origin of a drawing lies on the membrane, measured from its lower left corner, as in "25 mm, 25 mm"
+    /// [default: at that corner]
+    #[arg(long, value_name = "X,Y", value_parser = origin, allow_hyphen_values = true, help_heading = DRAWINGS)]
+    origin: Option<Coordinates>,
     /// The dark share from which on a cell of a picture is an electrode [default: 0.5]
     #[arg(long, value_name = "SHARE", value_parser = number(1e-3..=1.0, "0.001 to 1"), help_heading = DRAWINGS)]
     threshold: Option<f64>,
@@ -372,9 +379,40 @@ impl DrawingArguments {
         DrawingOptions {
             layers: self.layers.clone(),
             unit_mm: self.unit.map(DrawingUnit::mm),
+            origin_mm: self.origin.map_or(usual.origin_mm, Coordinates::mm),
             threshold: self.threshold.unwrap_or(usual.threshold),
             ..usual
         }
+    }
+}
+
+/// A point, measured from the lower left corner of the membrane.
+#[derive(Clone, Copy, Debug)]
+pub struct Coordinates([Quantity; 2]);
+
+impl Coordinates {
+    /// Returns x and y in mm.
+    pub fn mm(self) -> [f64; 2] {
+        self.0.map(|coordinate| coordinate.value())
+    }
+}
+
+/// Parses a point.
+pub fn coordinates(text: &str) -> Result<Coordinates, String> {
+    let (x, y) = text
+        .trim_matches(['[', ']'])
+        .split_once(',')
+        .ok_or("expected X,Y, as in \"25 mm, 25 mm\"")?;
+    let length = |text: &str| quantity(text, Dimension::Length);
+    Ok(Coordinates([length(x)?, length(y)?]))
+}
+
+/// Parses the place of the origin of a drawing.
+fn origin(text: &str) -> Result<Coordinates, String> {
+    let place = coordinates(text)?;
+    match place.mm().into_iter().all(|mm| mm.abs() <= FARTHEST_ORIGIN) {
+        true => Ok(place),
+        false => Err(format!("allowed: -{FARTHEST_ORIGIN} to {FARTHEST_ORIGIN} mm")),
     }
 }
 

@@ -4,7 +4,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::CliError;
-use super::arguments::quantity;
+use super::arguments::{Coordinates, coordinates, quantity};
 use deaflow_base::{Dimension, Quantity};
 use deaflow_field::Field;
 use deaflow_scene::Scene;
@@ -13,23 +13,11 @@ use deaflow_scene::Scene;
 #[derive(Clone, Debug, Args)]
 pub struct PointArguments {
     /// Also report the displacement of this point, measured from the lower left corner, as in "25 mm, 25 mm"
-    #[arg(long = "point", value_name = "X,Y", value_parser = point, allow_hyphen_values = true)]
+    #[arg(long = "point", value_name = "X,Y", value_parser = coordinates, allow_hyphen_values = true)]
     point: Option<Coordinates>,
     /// Report the component along this direction, counterclockwise from the x axis, as in "90 deg"
     #[arg(long, value_name = "ANGLE", value_parser = direction, requires = "point", allow_hyphen_values = true)]
     direction: Option<Quantity>,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Coordinates([Quantity; 2]);
-
-fn point(text: &str) -> Result<Coordinates, String> {
-    let (x, y) = text
-        .trim_matches(['[', ']'])
-        .split_once(',')
-        .ok_or("expected X,Y, as in \"25 mm, 25 mm\"")?;
-    let length = |text: &str| quantity(text, Dimension::Length);
-    Ok(Coordinates([length(x)?, length(y)?]))
 }
 
 fn direction(text: &str) -> Result<Quantity, String> {
@@ -62,13 +50,13 @@ impl PointArguments {
     /// # Errors
     /// When the point is outside.
     pub fn on(&self, scene: &Scene) -> Result<Option<Probe>, CliError> {
-        let Some(Coordinates(point)) = self.point else {
+        let Some(point) = self.point else {
             return Ok(None);
         };
         let membrane = scene.membrane();
         let (cell_mm, cells) = (membrane.cell_mm(), membrane.raster.sides());
         let sides: [f64; 2] = std::array::from_fn(|k| cell_mm[k] * cells[k] as f64);
-        let point_mm = point.map(|coordinate| coordinate.value());
+        let point_mm = point.mm();
         if !(0..2).all(|k| (0.0..=sides[k]).contains(&point_mm[k])) {
             let [x, y] = point_mm;
             return Err(
@@ -158,7 +146,7 @@ mod tests {
         let values = (0..raster.corners()).flat_map(|_| [0.3, 0.4]).collect();
         let field = Field::from_values(raster, values).unwrap();
         let asked = |at: &str, along: &str| PointArguments {
-            point: Some(point(at).unwrap()),
+            point: Some(coordinates(at).unwrap()),
             direction: Some(direction(along).unwrap()),
         };
         let of = |at: &str, along: &str| asked(at, along).on(&scene).unwrap().unwrap().of(&field);
@@ -177,7 +165,7 @@ mod tests {
         assert_eq!(size.title(), "at 25, 25 mm");
         let outside = asked("25 mm, 51 mm", "0 deg").on(&scene).unwrap_err();
         assert!(outside.message().contains("outside the membrane"));
-        assert!(point("25 mm").is_err() && point("1 V, 2 mm").is_err() && direction("3 mm").is_err());
+        assert!(coordinates("25 mm").is_err() && coordinates("1 V, 2 mm").is_err() && direction("3 mm").is_err());
         let none = PointArguments {
             point: None,
             direction: None,

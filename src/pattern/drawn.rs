@@ -208,7 +208,10 @@ fn areas(own: &GroupRegion, form: PatternForm, membrane: Membrane) -> Result<Opt
         place(low),
         place(high)
     ))
-    .help("check its unit, or move it by `origin`: where the origin of the drawing lies on the membrane"))
+    .help(
+        "check its unit, or move it by `origin` (`--origin` of commands): where the origin of the drawing lies on the \
+         membrane",
+    ))
 }
 
 /// Refuses groups that overlap by more than their borders.

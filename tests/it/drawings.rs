@@ -42,6 +42,29 @@ fn drawings_are_read_where_patterns_are() {
         let notes = found["notes"].to_string();
         assert!(notes.contains("read by the centres of cells"), "{notes}");
     }
+    // Moved by 3 cells, it has the same shape in other cells.
+    let cells = |more: &[&str]| -> Vec<Vec<u64>> {
+        let found = checked(&workspace, &[&["d2_ring_text.dxf"], more].concat());
+        serde_json::from_value(found["patterns"][0]["rows_from_below"].clone()).unwrap()
+    };
+    let (here, moved) = (cells(&[]), cells(&["--origin", "3 mm, -2 mm"]));
+    let is_moved = |(x, y): (usize, usize)| moved[y][x + 3] == here[y + 2][x];
+    let places = (0..48).flat_map(|y| (0..47).map(move |x| (x, y)));
+    assert!(here != moved && places.into_iter().all(is_moved));
+    let away = [
+        "check",
+        "d2_ring_text.dxf",
+        "--scene",
+        "scene.yaml",
+        "--origin",
+        "90 mm, 0 mm",
+    ];
+    let ended = workspace.run(&away);
+    assert!(
+        ended.code == Some(2) && ended.stderr.contains("`--origin`"),
+        "{}",
+        ended.stderr
+    );
     let notes = checked(&workspace, &["d2_ring_text.dxf"])["notes"].to_string();
     assert!(
         notes.contains("ignored: 1 TEXT") && notes.contains("357.4 mm² are drawn"),
