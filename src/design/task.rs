@@ -91,16 +91,28 @@ impl DesignTask {
         for target in &self.targets {
             refuse_points_on_frame(target, scene, node)?;
         }
-        let node = map.optional("area").or(map.optional("constraints")).unwrap_or(stage);
+        let common = map.optional("area").or(map.optional("constraints")).unwrap_or(stage);
+        let items = map
+            .optional("targets")
+            .map_or(Ok(&[][..]), |list| list.list("targets"))?;
         let tolerance = options.area_tolerance.to_f64();
-        self.targets.iter().try_for_each(|target| match target.area {
-            Area::Free => Ok(()),
-            Area::Near(area) => self.constraints.check_area(node, area.to_f64(), tolerance),
-            Area::AtMost(largest) => {
-                let possible = self.constraints.constraints().largest_area();
-                self.constraints.check_area(node, largest.to_f64().min(possible), 0.0)
+        for (at, target) in self.targets.iter().enumerate() {
+            let node = items.get(at).and_then(|item| item.peek("area")).unwrap_or(common);
+            match target.area {
+                Area::Free => {}
+                Area::Near(area) => {
+                    self.constraints.check_area(node, area.to_f64(), tolerance)?;
+                    // The genetic algorithm alone comes as near as it can.
+                    if options.method == Method::Adjoint || options.refine {
+                        self.constraints.check_area_of_cells(node, area.to_f64(), tolerance)?;
+                    }
+                }
+                Area::AtMost(largest) => {
+                    let possible = self.constraints.constraints().largest_area();
+                    self.constraints.check_area(node, largest.to_f64().min(possible), 0.0)?;
+                }
             }
-        })?;
+        }
         self.check_distance(
             options,
             map.optional("distance").or(map.optional("designs")).unwrap_or(stage),

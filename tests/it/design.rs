@@ -417,6 +417,10 @@ fn what_cannot_be_designed_is_refused_with_its_reason() {
             format!("{{ kind: design, seed: 1, targets: [{{ name: a, {objective} }}, {{ name: a, {objective} }}] }}"),
             &["`a`", "name: a"],
         ),
+        (
+            format!("{{ kind: design, seed: 1, method: adjoint, {objective}, area: 0.0202, area_tolerance: 0.0001 }}"),
+            &["2500 cells", "0.0200 and 0.0204", "area_tolerance"],
+        ),
     ] {
         let ended = workspace.run(&["plan", "alone.yaml", "--set", &format!("stages.design={stage}")]);
         assert_eq!(ended.code, Some(2), "{stage}: {}", ended.stderr);
@@ -426,6 +430,24 @@ fn what_cannot_be_designed_is_refused_with_its_reason() {
         printed.add(stage, ended);
     }
     snapshot!(printed);
+    // Of several targets the area of each counts, which `--set` finds by its name.
+    let stage = format!(
+        "  design: {{ kind: design, seed: 1, method: adjoint, area_tolerance: 0, targets: [{{ name: a, {objective} }}, \
+         {{ name: b, {objective}, area: 0.3 }}] }}\n"
+    );
+    workspace.write(
+        "targets.yaml",
+        &format!("version: 1\nname: targets\nscene: scene.yaml\nstages:\n{stage}"),
+    );
+    let plan = |set: &str| workspace.run(&["plan", "targets.yaml", "--set", set]);
+    assert_eq!(plan("stages.design.targets.b.area=0.4").code, Some(0));
+    for (set, named) in [
+        ("stages.design.targets.b.area=0.0202", "2500 cells"),
+        ("stages.design.targets.c.area=0.4", "names: a, b"),
+    ] {
+        let ended = plan(set);
+        assert!(ended.code == Some(2) && ended.stderr.contains(named), "{ended}");
+    }
 }
 
 #[test]

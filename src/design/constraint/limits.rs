@@ -161,6 +161,22 @@ pub enum ConstraintError {
         /// The area fraction of these electrodes.
         smallest: f64,
     },
+    /// No number of cells has the area.
+    #[error(
+        "area fraction {area} within {tolerance} is not possible on {cells} cells; the nearest are {:.4} and {:.4}",
+        below_and_above[0],
+        below_and_above[1]
+    )]
+    AreaBetweenCells {
+        /// The target area fraction.
+        area: f64,
+        /// Its tolerance.
+        tolerance: f64,
+        /// The number of cells that may carry electrodes.
+        cells: usize,
+        /// The nearest area fractions of a number of cells.
+        below_and_above: [f64; 2],
+    },
     /// The area is smaller than the smallest electrode.
     #[error("area fraction {area} is not possible: the smallest electrode of width `min_feature` has {smallest:.4}")]
     AreaTooSmall {

@@ -228,6 +228,35 @@ impl Constraints {
         Ok(())
     }
 
+    /// The smallest and the largest number of cells whose area fraction is within a range; the smallest is larger if no
+    /// number is.
+    #[must_use]
+    pub fn cells_of_areas(&self, range: (f64, f64)) -> [usize; 2] {
+        let all = self.free_count() as f64;
+        // Tolerates rounding errors of fractions that are a whole number of cells.
+        let least = (range.0 * all - 1e-9).ceil().clamp(0.0, all);
+        let most = (range.1 * all + 1e-9).floor().clamp(0.0, all);
+        [least as usize, most as usize]
+    }
+
+    /// Checks that some number of cells has an area fraction within its tolerance.
+    ///
+    /// # Errors
+    /// If the area lies between those of two numbers of cells.
+    pub fn check_area_of_cells(&self, area: f64, tolerance: f64) -> Result<(), ConstraintError> {
+        let cells = self.free_count();
+        let [least, most] = self.cells_of_areas((area - tolerance, area + tolerance));
+        match least <= most {
+            true => Ok(()),
+            false => Err(ConstraintError::AreaBetweenCells {
+                area,
+                tolerance,
+                cells,
+                below_and_above: [most, least].map(|count| count as f64 / cells as f64),
+            }),
+        }
+    }
+
     /// The pattern without the cells that are not [allowed](Self::allowed).
     #[must_use]
     pub fn masked(&self, pattern: &Pattern) -> Pattern {

@@ -142,6 +142,18 @@ impl ConstraintParameters {
         })
     }
 
+    /// [`Constraints::check_area_of_cells`] with an error located at a node.
+    ///
+    /// # Errors
+    /// As [`Constraints::check_area_of_cells`].
+    pub fn check_area_of_cells(&self, node: &Node, area: f64, tolerance: f64) -> Result<(), InputError> {
+        let checked = self.constraints.check_area_of_cells(area, tolerance);
+        checked.map_err(|error| {
+            let help = "use one of these areas, increase `area_tolerance`, or use more cells";
+            node.error(error.to_string()).help(help)
+        })
+    }
+
     /// The schema of [`ConstraintParameters::read`].
     #[must_use]
     pub fn schema() -> Schema {
@@ -360,6 +372,7 @@ fn located(node: &Node, map: &Map<'_>, error: &ConstraintError) -> InputError {
         ConstraintError::NoSpace => map.optional("keep_out"),
         ConstraintError::AreaTooLarge { .. }
         | ConstraintError::AreaTooSmall { .. }
+        | ConstraintError::AreaBetweenCells { .. }
         | ConstraintError::AreaBelowKeepIn { .. } => None,
     };
     at.unwrap_or(node).error(error.to_string())
@@ -373,6 +386,7 @@ mod tests {
 
     use super::*;
     use deaflow_base::Document;
+    use deaflow_pattern::Raster;
 
     fn node(text: &str) -> Node {
         Document::from_text(Path::new("t"), text).unwrap().root
@@ -498,6 +512,25 @@ mod tests {
             ConstraintParameters::none(MEMBRANE)
                 .check_area(&node("1"), 1.0, 0.0)
                 .is_ok()
+        );
+    }
+
+    #[test]
+    fn an_area_between_those_of_two_numbers_of_cells_is_refused() {
+        let membrane = Membrane {
+            raster: Raster::new(8, 8).unwrap(),
+            ..MEMBRANE
+        };
+        let parameters = ConstraintParameters::none(membrane);
+        let check = |area: f64, tolerance: f64| parameters.check_area_of_cells(&node("1"), area, tolerance);
+        // A cell is 1/64 = 0.015625.
+        for (area, tolerance) in [(0.02, 0.005), (0.0156, 0.001), (0.5, 0.0), (1.0, 0.0), (0.0, 0.0)] {
+            assert!(check(area, tolerance).is_ok(), "{area} {tolerance}");
+        }
+        let error = check(0.02, 0.001).unwrap_err().to_string();
+        assert!(
+            error.contains("0.02 within 0.001 is not possible on 64 cells; the nearest are 0.0156 and 0.0312"),
+            "{error}"
         );
     }
 }

@@ -43,16 +43,13 @@ impl<'a> SearchProblem<'a> {
         constraints: &'a Constraints,
     ) -> Self {
         let raster = constraints.membrane().raster;
-        let all = constraints.free_count() as f64;
-        // Tolerates rounding errors of fractions that are a whole number of cells.
-        let least = (area.0 * all - 1e-9).ceil().clamp(0.0, all);
-        let most = (area.1 * all + 1e-9).floor().clamp(0.0, all);
+        let [least, most] = constraints.cells_of_areas(area);
         Self {
             model,
             goal,
             units: Units::new(units, constraints.allowed()).with_always(constraints.kept_in().as_ref()),
             units_are_cells: units == raster.sides(),
-            range: (least as usize, most as usize),
+            range: (least, most),
             constraints,
             feasibility: None,
             others: Vec::new(),
