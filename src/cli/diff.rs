@@ -198,7 +198,17 @@ fn rows(parameters: &[Change<Canonical>], results: &[Change<f64>]) -> Result<Str
 
 fn text(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], results: &[Change<f64>]) -> Text {
     let mut text = Text::from(format!("from {}\nto   {}\n", from.title, to.title));
-    if parameters.is_empty() {
+    // All parameters of the other side would differ.
+    let parameters = match from.is_empty() || to.is_empty() {
+        true => &[],
+        false => parameters,
+    };
+    let is_common = |name: &String| known(from, name).is_some() && known(to, name).is_some();
+    let has_common_results = from.results.keys().any(is_common);
+    let is_comparable = !parameters.is_empty() || from.shares_stages(to) || has_common_results;
+    if !is_comparable {
+        text.line("nothing to compare: no stage was reached in both");
+    } else if parameters.is_empty() {
         let mut unknown = from.without_parameters().chain(to.without_parameters());
         text.line(match unknown.next() {
             None => "parameters are identical",
@@ -214,7 +224,9 @@ fn text(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], result
         }
         text.table(table);
     }
-    text.line("");
+    if is_comparable {
+        text.line("");
+    }
     let (both, one): (Vec<&Change<f64>>, Vec<&Change<f64>>) = results
         .iter()
         .partition(|change| change.from.is_some() && change.to.is_some());
@@ -225,12 +237,13 @@ fn text(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], result
     let (both, alike): (Vec<&Change<f64>>, Vec<&Change<f64>>) = both
         .into_iter()
         .partition(|change| shown(change, change.from) != shown(change, change.to));
-    let is_common = |name: &String| known(from, name).is_some() && known(to, name).is_some();
     if both.is_empty() && alike.is_empty() {
-        text.line(match from.results.keys().any(is_common) {
-            true => "shared results are identical",
-            false => "no common results",
-        });
+        if is_comparable {
+            text.line(match has_common_results {
+                true => "shared results are identical",
+                false => "no common results",
+            });
+        }
     } else if !both.is_empty() {
         let mut table =
             table::table(&["result", "from", "to", "change"], &["from", "to", "change"]).flowing(&["result"]);
@@ -403,6 +416,25 @@ mod tests {
     }
 
     #[test]
+    fn a_run_that_reached_no_stage_is_not_identical_to_another() {
+        let mut some = Snapshot::new("some".to_owned());
+        let parameters = Canonical::map([("count", 3_u64.into())]);
+        some.add_stage(["a", "sample"], Some(parameters), &["mask"; 0]);
+        let none = Snapshot::new("none".to_owned());
+        let shown = |from: &Snapshot, to: &Snapshot| {
+            text(from, to, &written_changes([from, to]), &results(from, to)).show(Screen::default())
+        };
+        for (from, to) in [(&none, &none), (&none, &some), (&some, &none)] {
+            let shown = shown(from, to);
+            assert!(
+                shown.ends_with("nothing to compare: no stage was reached in both"),
+                "{shown}"
+            );
+        }
+        assert!(shown(&some, &some).contains("parameters are identical"));
+    }
+
+    #[test]
     fn results_of_one_side_are_counted_and_unknown_ones_ignored() {
         let from = side(&[
             ("a.x", 1.0),
@@ -430,7 +462,7 @@ mod tests {
         assert!(said.contains("1 mm   2 mm") && said.contains("25 %   50 %"), "{said}");
         let said = shown(&moved, &after);
         assert!(
-            said.contains("no common results") && !said.contains("results are identical"),
+            said.contains("nothing to compare") && !said.contains("identical"),
             "{said}"
         );
         assert!(shown(&moved, &moved).contains("shared results are identical"));

@@ -106,6 +106,16 @@ impl Snapshot {
         }
     }
 
+    /// Whether it has no stage: a run may fail in the first one.
+    pub fn is_empty(&self) -> bool {
+        self.stages.is_empty()
+    }
+
+    /// Whether another snapshot has a stage of the same name and kind.
+    pub fn shares_stages(&self, other: &Self) -> bool {
+        self.stages.iter().any(|stage| other.same(stage).is_some())
+    }
+
     /// Returns the stage of the same name and kind.
     fn same(&self, stage: &NamedStage) -> Option<&NamedStage> {
         let is_same = |one: &&NamedStage| (&one.name, &one.kind) == (&stage.name, &stage.kind);
