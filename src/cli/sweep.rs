@@ -175,8 +175,8 @@ pub fn is_added(stage: &RunStage) -> bool {
 struct SweepPlan<'a> {
     arguments: &'a SweepArguments,
     root: &'a Node,
-    /// Axes with their values in YAML, by stage.
-    axes: BTreeMap<String, Vec<(String, String)>>,
+    /// Axes with the lists of their values, by stage.
+    axes: BTreeMap<String, Vec<(String, Node)>>,
     /// Names of the axes, in the order of the command line.
     names: Vec<String>,
     /// Overrides of single values, and of values by axes.
@@ -227,11 +227,11 @@ impl<'a> SweepPlan<'a> {
 
     fn add(&mut self, set: &str) -> Result<(), CliError> {
         // Parsed as a list, to tell one value from several.
-        let Some((path, values)) = split_set(set) else {
+        let Some((path, _)) = split_set(set) else {
             return Err(CliError::bad_input(format!("--set {set}: '=' is missing"))
                 .help("write it as --set PATH=VALUE,VALUE, such as --set scene.drive.voltage=\"3 kV, 4 kV\""));
         };
-        let parsed = Override::parse(&format!("{path}=[{values}]"))?;
+        let parsed = Override::of_values(set)?;
         let one = match parsed.value() {
             NodeValue::List(items) => items.len() < 2,
             _ => true,
@@ -240,6 +240,9 @@ impl<'a> SweepPlan<'a> {
         if !self.paths.insert(steps.to_vec()) {
             return Err(CliError::bad_input(format!("--set {path} is given twice"))
                 .help("combine the values: --set PATH=VALUE,VALUE"));
+        }
+        if self.is_of_unknown_stage(steps) {
+            parsed.apply(&mut self.root.clone())?;
         }
         if one {
             self.changes.push(Override::parse(set)?);
@@ -254,7 +257,7 @@ impl<'a> SweepPlan<'a> {
             self.axes
                 .entry(stage)
                 .or_default()
-                .push((axis.clone(), format!("[{values}]")));
+                .push((axis.clone(), parsed.node().clone()));
         }
         self.names.push(axis);
         Ok(())
@@ -304,17 +307,22 @@ impl<'a> SweepPlan<'a> {
 
     /// Returns the overrides.
     fn overrides(&self) -> Result<Vec<Override>, CliError> {
-        let mut sets = Vec::new();
+        let mut sets = self.changes.clone();
         for (stage, axes) in &self.axes {
             let own = self.root.peek("stages").and_then(|stages| stages.peek(stage));
             if own.is_some_and(|own| own.peek("foreach").is_some()) {
-                sets.extend(
-                    axes.iter()
-                        .map(|(axis, values)| format!("stages.{stage}.foreach.{axis}={values}")),
-                );
-            } else {
-                let axes: Vec<String> = axes.iter().map(|(axis, values)| format!("{axis}: {values}")).collect();
-                sets.push(format!("stages.{stage}.foreach={{ {} }}", axes.join(", ")));
+                for (axis, values) in axes {
+                    let set = Override::parse(&format!("stages.{stage}.foreach.{axis}=[]"))?;
+                    sets.push(set.with_node(values.clone()));
+                }
+            } else if let Some((_, first)) = axes.first() {
+                let named = |(axis, values): &(String, Node)| {
+                    let name = values.with_value(NodeValue::Text(axis.clone()));
+                    (name, values.clone())
+                };
+                let foreach = first.with_value(NodeValue::Map(axes.iter().map(named).collect()));
+                let set = Override::parse(&format!("stages.{stage}.foreach={{}}"))?;
+                sets.push(set.with_node(foreach));
             }
         }
         // Of another stage the run says that it does not exist.
@@ -326,14 +334,7 @@ impl<'a> SweepPlan<'a> {
         if !self.arguments.table.is_empty() && is_known {
             sets.push(self.table_stage()?);
         }
-        let added = sets.iter().map(|set| Override::parse(set));
-        Ok(self
-            .changes
-            .iter()
-            .cloned()
-            .map(Ok)
-            .chain(added)
-            .collect::<Result<_, _>>()?)
+        Ok(sets)
     }
 
     /// Returns the stage after which the run stops: the table needs what is collected, and the stage of `--until`.
@@ -344,12 +345,19 @@ impl<'a> SweepPlan<'a> {
         }
     }
 
+    /// Whether a path is that of a stage which the file does not have. Rounds may bring `NAME-2`.
+    fn is_of_unknown_stage(&self, path: &[String]) -> bool {
+        let [stages, name, ..] = path else { return false };
+        let base = name.rsplit_once('-').map_or(name.as_str(), |(base, _)| base);
+        stages == "stages" && !self.has_stage(name) && !self.has_stage(base)
+    }
+
     fn has_stage(&self, name: &str) -> bool {
         self.stages().iter().any(|(known, _)| *known == name)
     }
 
     /// Returns the override that adds the stage that collects the results.
-    fn table_stage(&self) -> Result<String, CliError> {
+    fn table_stage(&self) -> Result<Override, CliError> {
         let last = match self.arguments.until.as_deref() {
             Some(until) => vec![until],
             None => self.last_stages(),
@@ -373,13 +381,6 @@ impl<'a> SweepPlan<'a> {
         needs.extend(last.iter().filter(|_| self.arguments.until.is_some()));
         let mut seen = BTreeSet::new();
         needs.retain(|stage| seen.insert(*stage));
-        let quoted = |words: &[&str]| {
-            words
-                .iter()
-                .map(|word| format!("{word:?}"))
-                .collect::<Vec<_>>()
-                .join(", ")
-        };
         let mut columns: Vec<&str> = self.names.iter().map(String::as_str).collect();
         columns.extend(
             results
@@ -387,21 +388,40 @@ impl<'a> SweepPlan<'a> {
                 .map(String::as_str)
                 .filter(|result| !self.names.iter().any(|name| name == result)),
         );
-        let plot = match &self.arguments.plot[..] {
-            [] => String::new(),
-            [x, y] => format!(", plot: {{ x: {x:?}, y: {y:?} }}"),
-            [x, y, series] => format!(", plot: {{ x: {x:?}, y: {y:?}, series: {series:?} }}"),
-            other => {
-                let message = format!("--plot has {} columns", other.len());
+        // Messages quote the arguments, not the stage that they make.
+        let word = |option: &str, word: &str| -> Result<Node, CliError> {
+            let node = Override::of_option(option, &self.table, word)?.node().clone();
+            Ok(node.with_value(NodeValue::Text(word.to_owned())))
+        };
+        let list = |words: &[&str]| -> Result<Node, CliError> {
+            let items = words.iter().map(|one| word("--table", one)).collect::<Result<_, _>>()?;
+            Ok(word("--table", &words.join(","))?.with_value(NodeValue::List(items)))
+        };
+        let mapping = |of: &Node, entries: Vec<(&str, Node)>| {
+            let named = entries
+                .into_iter()
+                .map(|(key, node)| (node.with_value(NodeValue::Text(key.to_owned())), node));
+            of.with_value(NodeValue::Map(named.collect()))
+        };
+        let mut stage = vec![
+            ("kind", word("--table", "table")?),
+            ("needs", list(&needs)?),
+            ("columns", list(&columns)?),
+        ];
+        let plot = &self.arguments.plot;
+        if !plot.is_empty() {
+            if !(2..=3).contains(&plot.len()) {
+                let message = format!("--plot has {} columns", plot.len());
                 return Err(CliError::bad_input(message).help("expected X,Y or X,Y,SERIES"));
             }
-        };
-        Ok(format!(
-            "stages.{}={{ kind: table, needs: [{}], columns: [{}]{plot} }}",
-            self.table,
-            quoted(&needs),
-            quoted(&columns)
-        ))
+            let axes = ["x", "y", "series"].into_iter().zip(plot);
+            let axes = axes.map(|(key, column)| Ok((key, word("--plot", column)?)));
+            let axes = axes.collect::<Result<_, CliError>>()?;
+            stage.push(("plot", mapping(&word("--plot", &plot.join(","))?, axes)));
+        }
+        let set = Override::parse(&format!("stages.{}={{}}", self.table))?;
+        let all = word("--table", &self.arguments.table.join(","))?;
+        Ok(set.with_node(mapping(&all, stage)))
     }
 
     /// Returns the stages of the file, by name.

@@ -189,6 +189,30 @@ fn a_pipeline_is_swept_without_editing_it() {
         ),
         (&["--set", "stages.drawn.count=3,x", "--table", "samples"], "`count`"),
         (&["--set", "stages.drawn.cuont=3,4"], "did you mean `count`?"),
+        (&["--set", "scene.drive.voltage=3 kV, 3 kV"], "twice"),
+        (&["--set", "scene.drive.voltage=3 kV, 4 mm"], "mm"),
+        (
+            &[
+                "--set",
+                "stages.none.count=3",
+                "--set",
+                "stages.drawn.count=3,4",
+                "--table",
+                "samples",
+            ],
+            "`none`",
+        ),
+        (
+            &[
+                "--set",
+                "stages.drawn.count=3,4",
+                "--table",
+                "samples",
+                "--plot",
+                "count,foo",
+            ],
+            "`plot.y`",
+        ),
         (
             &[
                 "--set",
@@ -241,7 +265,9 @@ fn a_pipeline_is_swept_without_editing_it() {
             ended.stderr
         );
         // Axes that the command has named are not quoted.
-        assert!(!ended.stderr.contains("${"), "{}", ended.stderr);
+        let is_made = |text: &str| ended.stderr.contains(text);
+        let made = ["${", "kind: table", "foreach={", "foreach:1", "sweep="];
+        assert!(!made.into_iter().any(is_made), "{}", ended.stderr);
         printed.add(arguments.join(" "), ended);
     }
     snapshot!(printed);

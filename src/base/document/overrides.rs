@@ -51,6 +51,36 @@ impl Override {
         Self::read(text, (1, form))
     }
 
+    /// Reads `path.to.field=VALUE, VALUE`: the value is the list of these. Errors quote them as given, without
+    /// brackets.
+    ///
+    /// # Errors
+    /// As for [`Override::parse`].
+    pub fn of_values(text: &str) -> Result<Self, InputError> {
+        let Some((path, values)) = text.split_once('=') else {
+            return Self::parse(text);
+        };
+        let read = Self::parse(&format!("{}=[{values}]", path.trim()))?;
+        let before = path.len() + 1;
+        if before > MAX_QUOTED_PATH {
+            return Ok(read);
+        }
+        // Positions are those within the brackets.
+        let list = Node::parse(&read.name, format!("[{values}]"))?.inside(&read.name, text, before - 1);
+        let mut from = 0;
+        let keys = read.path.iter().map(|step| {
+            let start = from + text[from..].find(step.as_str()).unwrap_or_default();
+            from = start + step.len();
+            list.with_value(NodeValue::Text(step.clone())).at((start, step.len()))
+        });
+        Ok(Self {
+            keys: keys.collect(),
+            value: list.clone().at((before, values.len())),
+            text: values.trim().to_owned(),
+            ..read
+        })
+    }
+
     /// Creates the override of an option that stands for a path; errors name the option.
     ///
     /// # Errors
