@@ -492,12 +492,14 @@ pub fn close_to_instability(critical: Option<CriticalVoltage>) -> String {
     format!("{CLOSE_TO_INSTABILITY}; the critical voltage {limit}")
 }
 
-/// A critical voltage with its error.
+/// A critical voltage with its error, or why that is not known.
 pub fn with_error(critical: &CriticalVoltage) -> String {
-    match critical.error {
-        Some(error) => format!("{} V", measured(critical.voltage, error)),
-        None => format!("{} V, error not known", four_digits(critical.voltage)),
-    }
+    let why = match (critical.error, critical.fine) {
+        (Some(error), _) => return format!("{} V", measured(critical.voltage, error)),
+        (None, None) => "no limit was found on a finer mesh",
+        (None, Some(_)) => "no limit was found with the drawn shapes",
+    };
+    format!("{} V, error not known: {why}", four_digits(critical.voltage))
 }
 
 /// Describes the results of `patterns` patterns for programs.

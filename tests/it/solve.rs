@@ -342,6 +342,13 @@ fn a_path_says_where_the_electric_field_exceeds_the_breakdown_field() {
         "{}",
         said.stderr
     );
+    // What fails first stands in the line of the pattern.
+    let line = said.stdout.lines().find(|line| line.starts_with(" 0 ")).unwrap();
+    assert!(
+        said.stdout.contains("fails first") && line.contains(&format!("breakdown at {:.0} V", from)),
+        "{}",
+        said.stdout
+    );
     let ratios = column(&workspace, "out.h5", "breakdown_ratio");
     assert!(ratios[0] == 0.0 && ratios.len() == path["points"].as_array().unwrap().len());
 

@@ -199,6 +199,7 @@ fn branch((index, path): (usize, &InflationPath)) -> Branch {
         breakdown: field(path)
             .reached()
             .map(|reached| [along, across].map(|value| reached.between(|at| value(parameter, &path.points[at])))),
+        first: None,
     }
 }
 

@@ -20,7 +20,7 @@ use deaflow_fem::{
 };
 use deaflow_field::{Field, Motion};
 use deaflow_pattern::Pattern;
-use deaflow_report::figures::{Branch, Limit, PathAxes, paths_sheet};
+use deaflow_report::figures::{Branch, FirstFailure, Limit, PathAxes, paths_sheet};
 use deaflow_scene::{Body, Edge, Scene, SideSupport, Sides};
 
 /// A load path, with the critical voltage and its error.
@@ -259,10 +259,15 @@ impl Controlled {
 
     /// The value along the horizontal axis of a figure.
     fn along(&self, point: &PathPoint) -> f64 {
+        self.along_at(point.voltage, point.share)
+    }
+
+    /// The same at a voltage, and a share of the load or displacement.
+    fn along_at(&self, voltage: f64, share: f64) -> f64 {
         match (self.parameter, &self.full) {
-            (PathParameter::Voltage, _) => 1e-3 * point.voltage,
-            (_, Some((_, _, full))) => full * point.share,
-            (_, None) => point.share,
+            (PathParameter::Voltage, _) => 1e-3 * voltage,
+            (_, Some((_, _, full))) => full * share,
+            (_, None) => share,
         }
     }
 
@@ -343,8 +348,36 @@ impl Controlled {
         field(path).warning(scene, index, at, path.limit().is_some())
     }
 
+    /// Returns what fails before the limit on the stable part of a path: its name, and its place.
+    fn first_failure(&self, PatternPath { path, critical }: &PatternPath) -> Option<FailurePlace> {
+        let points = &path.points;
+        let breakdown = field(path).reached().map(|reached| FailurePlace {
+            name: "breakdown",
+            voltage: reached.between(|at| points[at].voltage),
+            share: reached.between(|at| points[at].share),
+        });
+        let flat = path.flat_limit.map(|limit| FailurePlace {
+            name: "wrinkling or buckling",
+            voltage: limit.voltage,
+            share: limit.share,
+        });
+        let at = |one: &FailurePlace| match self.parameter {
+            PathParameter::Voltage => one.voltage,
+            _ => one.share,
+        };
+        let first = breakdown.into_iter().chain(flat);
+        let first = first.min_by(|one, other| at(one).total_cmp(&at(other)))?;
+        // The limit of two finer meshes may be lower than that of the path.
+        let limit = path.limit().map(|limit| match self.parameter {
+            PathParameter::Voltage => critical.map_or(limit.voltage, |critical| critical.voltage),
+            _ => limit.share,
+        });
+        limit.is_none_or(|limit| at(&first) < limit).then_some(first)
+    }
+
     /// Returns the curve of a path in the figure.
-    fn branch(&self, (index, PatternPath { path, critical }): (usize, &PatternPath)) -> Branch {
+    fn branch(&self, (index, one): (usize, &PatternPath)) -> Branch {
+        let PatternPath { path, critical } = one;
         let limit = path.limit().and_then(|limit| {
             let at = path.points.get(limit.point)?;
             let critical = match self.parameter {
@@ -368,8 +401,19 @@ impl Controlled {
                 let values: [&dyn Fn(&PathPoint) -> f64; 2] = [&|p| self.along(p), &|p| self.across(p)];
                 values.map(|value| reached.between(|at| value(&path.points[at])))
             }),
+            first: self.first_failure(one).map(|first| FirstFailure {
+                name: first.name,
+                along: self.along_at(first.voltage, first.share),
+            }),
         }
     }
+}
+
+/// What fails before the limit of a path, and where.
+struct FailurePlace {
+    name: &'static str,
+    voltage: f64,
+    share: f64,
 }
 
 /// The points of the stable part of a path.
@@ -393,6 +437,12 @@ fn overview(paths: &[PatternPath], controlled: &Controlled) -> table::Table {
     if parameter != PathParameter::Voltage {
         // There is no search on a second mesh.
         header.remove(2);
+    }
+    // Where nothing fails before, the limit is what fails first.
+    let first: Vec<Option<FailurePlace>> = paths.iter().map(|one| controlled.first_failure(one)).collect();
+    let has_first = first.iter().any(Option::is_some);
+    if has_first {
+        header.insert(1, "fails first");
     }
     let numbers: Vec<&str> = [parameter.name(), "on this mesh", "points"]
         .into_iter()
@@ -426,6 +476,14 @@ fn overview(paths: &[PatternPath], controlled: &Controlled) -> table::Table {
         }
         if parameter == PathParameter::Voltage {
             row.insert(2, or_dash(critical.map(|critical| with_error(&critical))));
+        }
+        if has_first {
+            let failure = first[index].as_ref().map(|first| match parameter {
+                PathParameter::Voltage => format!("{} at {} V", first.name, four_digits(first.voltage)),
+                _ => format!("{} at {}", first.name, controlled.text(first.share)),
+            });
+            let limit = || limit.map_or("none", |_| "the limit").to_owned();
+            row.insert(1, failure.unwrap_or_else(limit));
         }
         table.add_row(row);
     }

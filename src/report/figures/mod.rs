@@ -40,7 +40,7 @@ pub use histogram::Histogram;
 pub use history::{Motion, histories_sheet};
 pub use measured::{MeasuredFigure, measured_charts, measured_sheet};
 pub use membrane::membrane_sheet;
-pub use path::{Branch, Limit, PathAxes, paths_sheet};
+pub use path::{Branch, FirstFailure, Limit, PathAxes, paths_sheet};
 pub use response::{Response, responses_sheet};
 pub use rounds::{Round, rounds_sheet};
 pub use training::Training;

@@ -19,6 +19,17 @@ pub struct Branch {
     pub limit: Option<Limit>,
     /// Where the electric field reaches the breakdown field on that part: what changes, and the displacement or force.
     pub breakdown: Option<[f64; 2]>,
+    /// What fails before the limit.
+    pub first: Option<FirstFailure>,
+}
+
+/// What fails first on a stable part, before its end.
+#[derive(Clone, Debug)]
+pub struct FirstFailure {
+    /// What happens there.
+    pub name: &'static str,
+    /// What changes, in the unit of its axis.
+    pub along: f64,
 }
 
 /// The end of a stable part.
@@ -74,15 +85,6 @@ fn paths_chart(branches: &[Branch], names: &PathAxes) -> Result<Chart, FigureErr
         Axis::above(&names.along, branches.iter().flat_map(|b| &b.along)),
         Axis::above(&names.across, branches.iter().flat_map(|b| &b.across)),
     ];
-    let title = match branches {
-        [one] => one
-            .limit
-            .as_ref()
-            .map_or("Load path without a limit".to_owned(), |limit| {
-                format!("Load path: {} at {}", limit.name, limit.place(&names.unit))
-            }),
-        _ => "Load paths: stable solid, unstable dashed".to_owned(),
-    };
     let named = (2..=MAX_NAMED).contains(&branches.len());
     let mut series = Vec::new();
     for (branch, colour) in Series::coloured(branches) {
@@ -91,7 +93,28 @@ fn paths_chart(branches: &[Branch], names: &PathAxes) -> Result<Chart, FigureErr
         series.extend(branch.mark(colour, branches.len() == 1));
     }
     series.extend(breakdown_marks(branches));
-    Ok(Chart::new(title, axes, series).with_size(LARGE))
+    Ok(Chart::new(title(branches, &names.unit), axes, series).with_size(LARGE))
+}
+
+/// Returns the title: what fails first, and the limit; of several paths how many fail before their limit.
+fn title(branches: &[Branch], unit: &str) -> String {
+    let [one] = branches else {
+        let failing = branches.iter().filter(|branch| branch.first.is_some()).count();
+        let before = match failing {
+            0 => String::new(),
+            _ => format!("; {failing} of {} fail before their limit", branches.len()),
+        };
+        return format!("Load paths: stable solid, unstable dashed{before}");
+    };
+    let first = one.first.as_ref();
+    let first = first.map(|first| format!("{} at {} {unit}", first.name, four_digits(first.along)));
+    let limit = one.limit.as_ref();
+    let limit = limit.map(|limit| format!("{} at {}", limit.name, limit.place(unit)));
+    match (first, limit) {
+        (None, None) => "Load path without a limit".to_owned(),
+        (Some(one), None) | (None, Some(one)) => format!("Load path: {one}"),
+        (Some(first), Some(limit)) => format!("Load path: {first}, before {limit}"),
+    }
 }
 
 impl Branch {

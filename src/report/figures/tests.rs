@@ -89,6 +89,7 @@ fn branches(n: usize) -> Vec<Branch> {
             across: 1.0,
         }),
         breakdown: None,
+        first: None,
     };
     (0..n)
         .map(|k| one(&format!("pattern {k}"), 4.0 + 0.5 * k as f64))
@@ -356,6 +357,32 @@ fn a_path_marks_where_the_field_reaches_that_of_breakdown() {
         let drawn = paths_sheet(&several, &volts()).unwrap().markup.into_string();
         assert_eq!(drawn.matches(words).count(), reached.min(1), "{drawn}");
     }
+}
+
+#[test]
+fn the_title_of_a_path_says_what_fails_first() {
+    let drawn = |branches: &[Branch]| paths_sheet(branches, &volts()).unwrap().markup.into_string();
+    let first = Some(FirstFailure {
+        name: "breakdown",
+        along: 3.0,
+    });
+    let mut several = branches(3);
+    assert!(!drawn(&several).contains("before"));
+    several[1].first.clone_from(&first);
+    assert!(drawn(&several).contains("1 of 3 fail before their limit"));
+    let mut one = Branch {
+        first,
+        ..branches(1).remove(0)
+    };
+    let title = "Load path: breakdown at 3.000 kV, before fold at 4.000 ± 0.040 kV";
+    let markup = drawn(std::slice::from_ref(&one));
+    assert!(markup.contains(title), "{markup}");
+    one.limit = None;
+    let markup = drawn(&[one]);
+    assert!(
+        markup.contains("Load path: breakdown at 3.000 kV") && !markup.contains("before"),
+        "{markup}"
+    );
 }
 
 #[test]
