@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 use std::fmt;
 
 use deaflow_base::InputError;
-use deaflow_pattern::{CELLS, Role};
+use deaflow_pattern::{CELLS, Raster, Role};
 
 /// Maximum number of designs that an error lists.
 const LISTED: usize = 24;
@@ -54,6 +54,8 @@ pub struct DesignLabel {
     pub member: u64,
     /// Units along a side of the membrane.
     pub units: u64,
+    /// The cells of the membrane.
+    pub raster: Raster,
 }
 
 impl DesignLabel {
@@ -74,9 +76,11 @@ impl fmt::Display for DesignLabel {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (target, role) = (self.target_text(), self.role.name());
         write!(f, "{target} ({role}, number {}, ", self.member + 1)?;
+        let is_coarse = self.raster.sides().into_iter().any(|cells| (cells as u64) < self.units);
         match self.units == CELLS as u64 {
             // The membrane may have other cells than 50 × 50.
             true => f.write_str("single cells)"),
+            false if is_coarse => write!(f, "{} units on {} cells)", self.units, self.raster),
             false => write!(f, "{} units)", self.units),
         }
     }
@@ -156,6 +160,25 @@ mod tests {
             role: Role::from_name(role).unwrap(),
             member,
             units,
+            raster: Raster::PAPER,
+        }
+    }
+
+    #[test]
+    fn a_label_says_what_the_search_could_switch() {
+        for (units, cells, expected) in [
+            (20, [50, 50], "a (ga, number 1, 20 units)"),
+            (50, [50, 50], "a (ga, number 1, single cells)"),
+            (50, [8, 8], "a (ga, number 1, single cells)"),
+            (20, [10, 10], "a (ga, number 1, 20 units on 10 × 10 cells)"),
+            (20, [60, 8], "a (ga, number 1, 20 units on 60 × 8 cells)"),
+            (20, [20, 20], "a (ga, number 1, 20 units)"),
+        ] {
+            let label = DesignLabel {
+                raster: Raster::new(cells[0], cells[1]).unwrap(),
+                ..label("", "a", "ga", 0, units)
+            };
+            assert_eq!(label.to_string(), expected);
         }
     }
 

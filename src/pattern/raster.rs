@@ -162,6 +162,16 @@ impl Raster {
         [self.columns(), self.rows()]
     }
 
+    /// Returns the columns and rows that a search of designs on so many units along a side switches: those of units, or
+    /// of cells where these are fewer. [`CELLS`] units are single cells.
+    #[must_use]
+    pub fn unit_sides(self, units: u64) -> [usize; 2] {
+        match usize::try_from(units) {
+            Ok(units) if units != CELLS => self.sides().map(|cells| cells.min(units)),
+            _ => self.sides(),
+        }
+    }
+
     /// Returns the number of cells.
     #[must_use]
     pub const fn cells(self) -> usize {

@@ -62,12 +62,14 @@ impl Designs {
         let rows = DesignRows::open(artifact)?;
         let (case, name, role) = (rows.case().read()?, rows.name().read()?, rows.role().read()?);
         let (member, units) = (rows.member().read()?, rows.units().read()?);
+        let patterns = rows.patterns().read()?;
         let label = |i: usize| DesignLabel {
             case: case[i].clone(),
             name: name[i].clone(),
             role: role[i],
             member: member[i],
             units: units[i],
+            raster: patterns[i].raster(),
         };
         let scores = match kind {
             Some(ArtifactKind::Verify) => scores(&Verification::open(artifact)?)?,
@@ -77,7 +79,7 @@ impl Designs {
             labels: (0..case.len()).map(label).collect(),
             scores,
             objectives: rows.objective().read()?.0,
-            patterns: rows.patterns().read()?,
+            patterns,
             scene: StoredAttribute::new(artifact, "scene").read()?,
             source: format!("artifact {}", artifact.digest()),
         }))

@@ -140,6 +140,7 @@ fn label(design: &Design) -> DesignLabel {
         role: design.role,
         member: design.member,
         units: design.units,
+        raster: design.pattern.raster(),
     }
 }
 

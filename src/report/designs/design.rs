@@ -11,7 +11,7 @@ use crate::format::mm;
 use crate::intervals::NetworkInterval;
 use deaflow_content::DesignRank;
 use deaflow_field::{Field, OutcomeKind};
-use deaflow_pattern::{CELLS, Pattern, Role};
+use deaflow_pattern::{Pattern, Role};
 use deaflow_scene::Scene;
 
 /// Below a micrometre, the ratio of displacements means nothing.
@@ -170,10 +170,18 @@ impl Design {
     /// Returns the columns and rows that the search could switch: those of units, or of the cells.
     #[must_use]
     pub fn unit_sides(&self) -> [usize; 2] {
-        match usize::try_from(self.units) {
-            Ok(units) if units != CELLS => [units, units],
-            _ => self.pattern.raster().sides(),
-        }
+        self.pattern.raster().unit_sides(self.units)
+    }
+
+    /// Describes them: `20 × 20 units`, `10 × 10 cells`.
+    #[must_use]
+    pub fn units_text(&self) -> String {
+        let [columns, rows] = self.unit_sides();
+        let what = match [columns, rows] == self.pattern.raster().sides() {
+            true => "cells",
+            false => "units",
+        };
+        format!("{columns} × {rows} {what}")
     }
 
     /// Returns the electrode area on the prestretched membrane in mm².

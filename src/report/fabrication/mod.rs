@@ -113,8 +113,7 @@ impl FabricationSheet<'_> {
                 h1 { (self.title()) }
                 p {
                     "Fabrication sheet · pipeline " b { (history.pipeline) } " · stage " b { (design.made.stage) }
-                    @let [columns, rows] = design.unit_sides();
-                    " · " (columns) " × " (rows) " units · " (software())
+                    " · " (design.units_text()) " · " (software())
                 }
                 p.mono { "artifact " (design.made.digest) }
             }

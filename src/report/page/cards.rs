@@ -51,8 +51,7 @@ fn card(design: &Design, several: bool, scale: f64) -> Markup {
             h5 {
                 (title)
                 span {
-                    @let [columns, rows] = design.unit_sides();
-                    @if design.role.is_found() { (columns) " × " (rows) " units" }
+                    @if design.role.is_found() { (design.units_text()) }
                 }
             }
             div.pair {
