@@ -267,3 +267,25 @@ impl Design {
         format!("patterns/{}.csv", self.name)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::compare::tests::design;
+    use deaflow_pattern::{Pattern, Raster, Role};
+
+    #[test]
+    fn the_cells_that_a_search_could_switch_are_counted() {
+        for (units, [columns, rows], expected) in [
+            (20, [50, 50], "20 × 20 units"),
+            (50, [50, 50], "50 × 50 cells"),
+            (20, [10, 10], "10 × 10 cells"),
+            (20, [60, 8], "20 × 8 units"),
+            (50, [60, 8], "60 × 8 cells"),
+        ] {
+            let raster = Raster::new(columns, rows).unwrap();
+            let mut design = design(Role::Ga, units, None);
+            design.pattern = Pattern::from_fn(raster, |_, _| true);
+            assert_eq!(design.units_text(), expected);
+        }
+    }
+}
