@@ -335,9 +335,12 @@ fn one_sided(changes: &[&Change<f64>], of: &Snapshot, side: impl Fn(&Change<f64>
     each.collect::<Vec<_>>().join(", ")
 }
 
-/// Formats a relative change in percent; empty without a first value.
+/// Formats a relative change in percent, or as a factor if it is large; empty without a first value.
 fn relative(from: Option<f64>, to: Option<f64>) -> String {
+    /// The largest ratio whose change is given in percent.
+    const MOST: f64 = 100.0;
     match from.zip(to) {
+        Some((from, to)) if from != 0.0 && (to / from).abs() > MOST => format!("× {}", table::number(to / from)),
         Some((from, to)) if from != 0.0 => format!("{:+.1} %", 100.0 * (to - from) / from.abs()).replace('-', "−"),
         _ => String::new(),
     }
@@ -432,6 +435,13 @@ mod tests {
             );
         }
         assert!(shown(&some, &some).contains("parameters are identical"));
+    }
+
+    #[test]
+    fn large_changes_are_factors() {
+        assert_eq!(relative(Some(2.0), Some(1.0)), "−50.0 %");
+        assert_eq!(relative(Some(1e-6), Some(1.2)), "× 1200000");
+        assert_eq!(relative(None, Some(1.2)) + &relative(Some(0.0), Some(1.2)), "");
     }
 
     #[test]

@@ -31,6 +31,7 @@ use deaflow_pattern::{Edges, has_patterns};
 use deaflow_stage::direct::{self, ReadScene};
 
 pub use analysis::{Analysed, Analysis};
+pub use breakdown::FieldAlongPath;
 pub use equilibria::{Equilibria, SolveRequest, Solved};
 use history::HistoryArguments;
 pub use history::OutputTimes;

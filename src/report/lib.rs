@@ -50,7 +50,7 @@ pub use kinds::audit::{audit_figure, checks_in_words};
 pub use measured::{figures_of_files, figures_of_measurements};
 pub use opening::{Opening, opening_picture};
 pub use page::best::best_design;
-pub use page::sweep::VoltageSweep;
+pub use page::sweep::{SweepEnd, VoltageSweep};
 pub use page::{Layout, STAGE_HEIGHT, layout};
 pub use presenter::{DrawFigure, Figures, Headline, Presenter, Results};
 pub use research_object::{CrateFile, CrateStage, METADATA, ResearchObject};

@@ -277,6 +277,7 @@ mod tests {
             interval: None,
             outcome: OutcomeKind::Converged,
             status: "met".into(),
+            best: false,
             gain_own_area: None,
             gain_equal_area: None,
             gain_own_area_mm: None,

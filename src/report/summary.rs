@@ -90,6 +90,8 @@ pub struct RowSummary {
     pub outcome: OutcomeKind,
     /// `met`, or the violated constraints.
     pub status: String,
+    /// Whether it is the best design of its target.
+    pub best: bool,
     /// Gain over the intuitive design at its own area, a fraction; `None` if a given displacement is to be reached, as
     /// a larger one is not better then, or if the intuitive design moves by less than its error or the other way.
     pub gain_own_area: Option<f64>,
@@ -213,7 +215,10 @@ pub fn read(source: &ArtifactReader<'_>) -> Result<VerificationSummary, ReportEr
         row.robust_mm = search.robust.filter(|_| is_same && is_robust);
         row.other_scene = search.other_scene;
     }
-    let compared: Vec<RowSummary> = rows.iter().map(|row| compared(row, &rows)).collect();
+    let mut compared: Vec<RowSummary> = rows.iter().map(|row| compared(row, &rows)).collect();
+    for best in best_rows(&compared, Role::is_found) {
+        compared[best].best = true;
+    }
     Ok(VerificationSummary {
         unit: source.of(verification.unit())?,
         stage: source.stage.stage.clone(),
@@ -445,6 +450,7 @@ fn rows_of(
             interval: None,
             outcome: outcomes[k],
             status: statuses[k].clone(),
+            best: false,
             gain_own_area: None,
             gain_equal_area: None,
             gain_own_area_mm: None,

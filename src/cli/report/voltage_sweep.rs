@@ -1,24 +1,30 @@
 //! The best design of a report as the voltage rises.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::progress::{ProgressMode, show_count};
+use crate::solve::FieldAlongPath;
 use deaflow_fem::screening::resolve;
-use deaflow_fem::{MembraneSolver, PathParameter, PathSolver, SolveOptions};
+use deaflow_fem::{MembraneSolver, PathParameter, PathPoint, PathSolver, SolveOptions};
 use deaflow_field::{Field, Mesh};
-use deaflow_report::{Design, VoltageSweep, best_design};
+use deaflow_report::{Design, SweepEnd, VoltageSweep, best_design};
 use deaflow_scene::Scene;
 
-/// The mesh: a picture needs no finer one.
-const MESH: Mesh = Mesh::bilinear(1);
+/// Numbers of cells up to which elements are biquadratic, as those of `solve --path`, and bilinear; larger membranes
+/// take too long for a picture.
+const MOST_CELLS: [usize; 2] = [4_000, 16_000];
 
 /// Shares of the last voltage that are drawn besides that of the scene: closer where the membrane moves faster.
 const SHARES: [f64; 8] = [0.0, 0.3, 0.5, 0.65, 0.8, 0.9, 0.96, 1.0];
 
-/// Limits beyond this multiple of the voltage of the scene are not drawn: the design would hardly move at its own.
+/// What happens beyond this multiple of the voltage of the scene is not drawn: the design would hardly move at its own.
 const FARTHEST: f64 = 3.0;
 
-/// Simulates the best design from rest to the limit of its stability, or to the voltage of the scene if the limit is far
-/// or there is none. `None` if there is no design of a search, if it has several states, voltages or a charge, if it
-/// moves in time, out of the plane or at free sides, or if it has no solution on a coarse mesh: it is drawn at rest and
-/// at its voltage then.
+/// Simulates the best design from rest until its electric field reaches the breakdown field or it loses stability, or
+/// to the voltage of the scene if both are far or below it. `None` if there is no design of a search, if it has several
+/// states, voltages or a charge, if it moves in time, out of the plane or at free sides, if it has too many cells, or
+/// if it has no solution on a coarse mesh: it is drawn at rest and at its voltage then.
 pub fn voltage_sweep(designs: &[Design]) -> Option<VoltageSweep> {
     let design = best_design(designs)?;
     let scene = resolve(&design.scene).ok()?;
@@ -31,27 +37,45 @@ pub fn voltage_sweep(designs: &[Design]) -> Option<VoltageSweep> {
     if !is_plain || scene.loads.is_some() || scene.is_in_space() || scene.geometry.sides.is_some() {
         return None;
     }
+    let mesh = match design.pattern.raster().cells() {
+        cells if cells <= MOST_CELLS[0] => Mesh::biquadratic(1),
+        cells if cells <= MOST_CELLS[1] => Mesh::bilinear(1),
+        _ => return None,
+    };
     let options = SolveOptions {
-        mesh: MESH,
+        mesh,
         ..SolveOptions::default()
     };
+    let points = Arc::new(AtomicU64::new(0));
+    let shown = show_count(ProgressMode::Bars, ["voltage sweep", "states"], points.clone(), 0);
+    let count = |_: &Field| points.fetch_add(1, Ordering::Relaxed) as f64;
     let path = PathSolver::new(&scene, options, PathParameter::Voltage).ok()?;
-    let path = path.path(&design.pattern).ok()?;
-    let limit = path.limit().filter(|limit| limit.voltage <= FARTHEST * volts);
-    let last = limit.map_or(volts, |limit| limit.voltage);
+    let path = path.observed_path(&design.pattern, Some(&count)).ok()?;
+    let stable = |point: &PathPoint| if point.stable { point.breakdown_ratio } else { 0.0 };
+    let field = FieldAlongPath(path.points.iter().map(stable).collect());
+    let broken = field.reached().map(|place| place.between(|at| path.points[at].voltage));
+    let limit = path.limit().map(|limit| (limit.voltage, SweepEnd::Limit));
+    let ends = [broken.map(|volts| (volts, SweepEnd::Breakdown)), limit]
+        .into_iter()
+        .flatten();
+    let first = ends.min_by(|one, other| one.0.total_cmp(&other.0));
+    let first = first.filter(|(end, _)| (volts..=FARTHEST * volts).contains(end));
+    let (last, end) = first.unwrap_or((volts, SweepEnd::Scene));
     let mut voltages: Vec<f64> = SHARES.iter().map(|share| share * last).chain([volts]).collect();
     voltages.sort_by(f64::total_cmp);
     voltages.retain(|voltage| *voltage <= last);
     voltages.dedup();
-    let state = |voltage: f64| match limit {
-        Some(limit) if voltage == limit.voltage => Some((voltage, path.limit_field.clone())),
+    let state = |voltage: f64| match (end, voltage == last) {
+        (SweepEnd::Limit, true) => Some((voltage, path.limit_field.clone())),
         _ => Some((voltage, solve(&scene.at_voltage(voltage), options, design)?)),
     };
+    let states = voltages.into_iter().map(state).collect::<Option<_>>()?;
+    drop(shown);
     Some(VoltageSweep {
         design: design.name.clone(),
         voltage: volts,
-        states: voltages.into_iter().map(state).collect::<Option<_>>()?,
-        ends_at_limit: limit.is_some(),
+        states,
+        end,
     })
 }
 

@@ -211,9 +211,9 @@ impl Constraints {
     /// Checks an area fraction with its tolerance against bounds that need no search.
     ///
     /// # Errors
-    /// If the constraints leave less area, or the smallest electrode is larger.
+    /// If the constraints leave less area, the smallest electrode is larger, or the area is less than half a cell.
     pub fn check_area(&self, area: f64, tolerance: f64) -> Result<(), ConstraintError> {
-        let largest = self.largest_area();
+        let (largest, cells) = (self.largest_area(), self.free_count());
         if area > largest + tolerance {
             return Err(ConstraintError::AreaTooLarge { area, largest });
         }
@@ -224,6 +224,15 @@ impl Constraints {
         let smallest = (self.raster.feature[0] * self.raster.feature[1]) as f64 / self.free_count() as f64;
         if area > tolerance && area + tolerance < smallest {
             return Err(ConstraintError::AreaTooSmall { area, smallest });
+        }
+        // The tolerance is absolute: within it a smaller area is met by many times as many cells, or by none.
+        if area > 0.0 && area * (cells as f64) < 0.5 {
+            return Err(ConstraintError::AreaBetweenCells {
+                area,
+                tolerance,
+                cells,
+                below_and_above: [0.0, 1.0 / cells as f64],
+            });
         }
         Ok(())
     }

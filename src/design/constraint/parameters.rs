@@ -136,6 +136,7 @@ impl ConstraintParameters {
             let help = match error {
                 ConstraintError::AreaTooSmall { .. } => "increase `area`, or reduce `min_feature`",
                 ConstraintError::AreaBelowKeepIn { .. } => "increase `area`, or reduce `keep_in`",
+                ConstraintError::AreaBetweenCells { .. } => "increase `area`, or use more cells",
                 _ => "reduce `area`, or `keep_out`",
             };
             node.error(error.to_string()).help(help)
@@ -527,6 +528,12 @@ mod tests {
         for (area, tolerance) in [(0.02, 0.005), (0.0156, 0.001), (0.5, 0.0), (1.0, 0.0), (0.0, 0.0)] {
             assert!(check(area, tolerance).is_ok(), "{area} {tolerance}");
         }
+        let tiny = parameters.check_area(&node("1"), 1e-3, 0.005).unwrap_err().to_string();
+        assert!(
+            tiny.contains("on 64 cells; the nearest are 0.0000 and 0.0156"),
+            "{tiny}"
+        );
+        assert!(parameters.check_area(&node("1"), 0.012, 0.005).is_ok());
         let error = check(0.02, 0.001).unwrap_err().to_string();
         assert!(
             error.contains("0.02 within 0.001 is not possible on 64 cells; the nearest are 0.0156 and 0.0312"),

@@ -136,8 +136,8 @@ fn describe(findings: &Value, summary: &Value) -> String {
     verdicts.collect::<Vec<_>>().join("; ")
 }
 
-/// Describes random checks of labels and the faults that they found: the share of wrong labels that they exclude, and
-/// how many checks it takes if they are too few. `rows` are all labels.
+/// Describes random checks of labels on a finer mesh and the faults that they found: the share of labels that are wrong
+/// there which they exclude, and how many checks it takes if they are too few. `rows` are all labels.
 #[must_use]
 pub fn checks_in_words([checks, faults]: [usize; 2], excluded_above: f64, rows: usize) -> String {
     /// The largest share of wrong labels that a user of a dataset would accept.
@@ -149,15 +149,18 @@ pub fn checks_in_words([checks, faults]: [usize; 2], excluded_above: f64, rows: 
         0 => "no fault".to_owned(),
         _ => counted(faults, "fault", "faults"),
     };
+    if checks >= rows {
+        return format!("{found} in all {rows}");
+    }
     let found = format!("{found} in {}", counted(checks, "check", "checks"));
     if excluded_above <= MOST || faults > 0 {
-        return format!("{found}: at 95 % confidence, at most {share} of the labels are wrong");
+        return format!("{found}: at 95 % confidence, at most {share} of all are wrong there");
     }
     let enough = match rows > FOR_ONE_PERCENT {
         true => format!("{FOR_ONE_PERCENT} checks without a fault would bound that at 1 %"),
         false => format!("check all {rows}"),
     };
-    format!("{found}, which are too few: at 95 % confidence, up to {share} of the labels may still be wrong; {enough}")
+    format!("{found}, which are too few: at 95 % confidence, up to {share} of all may still be wrong there; {enough}")
 }
 
 /// Describes a finding: the check, the number of rows, and the sentence that was found.
@@ -193,24 +196,25 @@ mod tests {
         for (text, expected) in [
             (
                 checked(40, 8, 0.312),
-                "no findings in 40 samples; on a finer mesh no fault in 8 checks, which are too few: at 95 % confidence, \
-                 up to 31.2 % of the labels may still be wrong; check all 40",
+                "no findings in 40 samples; on a finer mesh no fault in 8 checks, which are too few: at 95 % \
+                 confidence, up to 31.2 % of all may still be wrong there; check all 40",
             ),
             (
                 checked(4000, 6, 0.393),
                 "no findings in 4000 samples; on a finer mesh no fault in 6 checks, which are too few: at 95 % \
-                 confidence, up to 39.3 % of the labels may still be wrong; 300 checks without a fault would bound that \
-                 at 1 %",
+                 confidence, up to 39.3 % of all may still be wrong there; 300 checks without a fault would bound \
+                 that at 1 %",
             ),
             (
                 checked(4000, 300, 0.0099),
                 "no findings in 4000 samples; on a finer mesh no fault in 300 checks: at 95 % confidence, at most \
-                 0.990 % of the labels are wrong",
+                 0.990 % of all are wrong there",
             ),
             (
                 checks_in_words([20, 3], 0.34, 4000),
-                "3 faults in 20 checks: at 95 % confidence, at most 34.0 % of the labels are wrong",
+                "3 faults in 20 checks: at 95 % confidence, at most 34.0 % of all are wrong there",
             ),
+            (checks_in_words([40, 2], 0.05, 40), "2 faults in all 40"),
         ] {
             assert_eq!(text, expected);
         }

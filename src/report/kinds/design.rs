@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::front::{self, FoundFront};
 use crate::artifacts::{ArtifactReader, RunArtifacts};
-use crate::designs::{Objective, Role, membranes};
+use crate::designs::{Objective, Role, designs, membranes};
 use crate::drawing::{Axis, Chart, Mark, Series, Sheet};
 use crate::error::ReportError;
 use crate::evaluators::{Evaluators, read};
@@ -43,9 +43,9 @@ impl Presenter for DesignPresenter {
         let fronts: Vec<FoundFront> = fronts.into_iter().flatten().collect();
         let found = Results::new("fronts", &fronts, fronts.iter().map(ToString::to_string))
             .with_warnings(fronts.iter().flat_map(FoundFront::warnings).collect());
-        let designs = run.each(self.kind(), designs_found)?.concat();
+        let found_designs = run.each(self.kind(), designs_found)?.concat();
         let mut results = vec![
-            Results::new("designs", &designs, None),
+            Results::new("designs", &found_designs, None),
             Results::new("evaluators", &evaluators, evaluators.iter().map(ToString::to_string)),
             Results::new(
                 "design_intervals",
@@ -59,9 +59,15 @@ impl Presenter for DesignPresenter {
     }
 
     fn headlines(&self, run: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
-        run.each(self.kind(), |source| {
+        // Those that were simulated have lines of their own.
+        let all = designs(run, &run.superseded())?;
+        let is_open = |stage: &str| all.iter().any(|design| design.made.stage == stage);
+        let headlines = run.each(self.kind(), |source| {
+            if !is_open(&source.stage.stage) {
+                return Ok(None);
+            }
             if let Some(front) = FoundFront::read(source)? {
-                return Ok(front.headline());
+                return Ok(Some(front.headline()));
             }
             let view = source.of(Designs::open(source.artifact))?;
             let best_rows = source.of(best_rows(&view))?;
@@ -97,12 +103,13 @@ impl Presenter for DesignPresenter {
             let statuses = source.of(view.rows().status().read())?.0;
             let counted = best_rows.iter().filter_map(|row| statuses.get(*row));
             let unmet: Vec<&str> = counted.map(String::as_str).filter(|status| *status != "met").collect();
-            Ok(match &unmet[..] {
+            Ok(Some(match &unmet[..] {
                 [] => Headline::good(text),
                 [status] => Headline::bad(format!("{text} ({status})")),
                 several => Headline::bad(format!("{text}; {} designs violate constraints", several.len())),
-            })
-        })
+            }))
+        })?;
+        Ok(headlines.into_iter().flatten().collect())
     }
 
     fn figures(&self) -> Figures {

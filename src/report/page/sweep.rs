@@ -17,8 +17,19 @@ pub struct VoltageSweep {
     pub voltage: f64,
     /// Voltages in V from 0, each with the displacement from the mount in mm.
     pub states: Vec<(f64, Field)>,
-    /// Whether stability is lost at the last voltage.
-    pub ends_at_limit: bool,
+    /// What happens at the last voltage.
+    pub end: SweepEnd,
+}
+
+/// What happens at the last voltage of a sweep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SweepEnd {
+    /// Nothing: it is the voltage of the scene.
+    Scene,
+    /// The electric field reaches the breakdown field.
+    Breakdown,
+    /// Stability is lost.
+    Limit,
 }
 
 /// Duration of the animation, in seconds.
@@ -84,11 +95,19 @@ pub fn moving(design: &Design, sweep: Option<&VoltageSweep>) -> Option<(Markup, 
         1.0 => "true to scale".to_owned(),
         scale => format!("displacements drawn {scale} times as large"),
     };
-    let end = match sweep.ends_at_limit {
-        true => format!(", where it loses stability (mark: {})", kilovolts(sweep.voltage)),
-        false => String::new(),
+    let until = |why: &str| {
+        format!(
+            "about {}, where {why} (mark: {})",
+            kilovolts(*last),
+            kilovolts(sweep.voltage)
+        )
     };
-    let caption = format!("From 0 to {}{end}, {times}", kilovolts(*last));
+    let until = match sweep.end {
+        SweepEnd::Scene => kilovolts(*last),
+        SweepEnd::Breakdown => until("the electric field reaches the breakdown field"),
+        SweepEnd::Limit => until("it loses stability"),
+    };
+    let caption = format!("From 0 to {until}, {times}");
     let description = format!("Deformed membrane of {} as the voltage rises. {caption}", design.name);
     Some((drawing_with(design, &description, &content, BELOW), caption))
 }
@@ -114,12 +133,12 @@ mod tests {
             design: design.name.clone(),
             voltage: 3000.0,
             states: vec![(0.0, state(0.0)), (3000.0, state(0.7)), (6000.0, state(3.0))],
-            ends_at_limit: true,
+            end: SweepEnd::Limit,
         };
         let (markup, caption) = moving(&design, Some(&sweep)).unwrap();
         assert_eq!(
             caption,
-            "From 0 to 6.00 kV, where it loses stability (mark: 3.00 kV), true to scale"
+            "From 0 to about 6.00 kV, where it loses stability (mark: 3.00 kV), true to scale"
         );
         let markup = markup.into_string();
         let values: Vec<Vec<&str>> = markup

@@ -1,6 +1,7 @@
 """Results have the bits, names, units and attributes of the files that the command writes."""
 
 import sys
+import warnings
 
 import numpy as np
 from files import check
@@ -37,4 +38,10 @@ else:
     count += check("pull.h5", device.in_state("pull").solve(groups, tolerance=1e-10))
     grey = np.load("grey.npy")
     count += check("grey.h5", plain.solve(1.0 - grey / 255.0))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        deaflow.Scene.read("plain.yaml", {"drive.voltage": 4000})
+        deaflow.Scene.read("plain.yaml")
+    assert [warning.filename for warning in caught] == [__file__], caught
+    assert "as 4000 V" in str(caught[0].message), caught[0]
     print(count)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, Optional, Union
@@ -38,6 +39,12 @@ class Scene:
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         self._scene = _deaflow.Scene.of_text(to_json(values))
+        self._warn()
+
+    def _warn(self) -> None:
+        # As the command line does; the caller of the caller has written the scene.
+        for note in self.notes:
+            warnings.warn(note, stacklevel=3)
 
     @classmethod
     def read(cls, path: PathLike, overrides: Optional[Mapping[str, Any]] = None) -> Scene:
@@ -56,7 +63,9 @@ class Scene:
             If the file cannot be read, or a value is invalid.
         """
         sets = [f"{key}={to_value(value)}" for key, value in (overrides or {}).items()]
-        return cls._of(_deaflow.Scene.read(os.fspath(path), sets))
+        made = cls._of(_deaflow.Scene.read(os.fspath(path), sets))
+        made._warn()
+        return made
 
     @classmethod
     def _of(cls, scene: _deaflow.Scene) -> Scene:
@@ -79,7 +88,7 @@ class Scene:
 
     @property
     def notes(self) -> list[str]:
-        """What to know about how the scene was read, such as numbers without a unit."""
+        """What to know about how the scene was read, such as numbers without a unit: also Python warnings."""
         return self._scene.notes
 
     @property
