@@ -130,10 +130,14 @@ mod tests {
             .args(["sleep", "60"])
             .spawn()
             .unwrap();
-        while try_exclusive(&path).unwrap().is_some() {
+        // The attempts of this process do not meet the other one, which waits for the lock.
+        let start = std::time::Instant::now();
+        let mut told = holder(&path);
+        while told.is_none() && start.elapsed().as_secs() < 30 {
             std::thread::sleep(std::time::Duration::from_millis(10));
+            told = holder(&path);
         }
-        let told = holder(&path);
+        assert!(try_exclusive(&path).unwrap().is_none());
         other.kill().unwrap();
         other.wait().unwrap();
         assert!(told.unwrap().starts_with(&format!("process {} (", other.id())));
