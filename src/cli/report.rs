@@ -79,8 +79,9 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
     if let Some(folder) = &arguments.output {
         let neglected = neglected_effects(&pipeline, &artifacts, ProgressMode::Bars)?;
         history.model_warnings.extend(neglected.all());
-        history.sweep = voltage_sweep(&designs(&artifacts, &artifacts.superseded())?);
         write::folder(folder)?;
+        write::check_file(&folder.join("index.html"))?;
+        history.sweep = voltage_sweep(&designs(&artifacts, &artifacts.superseded())?);
     }
     if let Some(file) = &arguments.sheet {
         write::check_output(file, &[history.path.clone()])?;

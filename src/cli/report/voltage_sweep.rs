@@ -1,5 +1,6 @@
 //! The best design of a report as the voltage rises.
 
+use std::io::IsTerminal;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -47,7 +48,12 @@ pub fn voltage_sweep(designs: &[Design]) -> Option<VoltageSweep> {
         ..SolveOptions::default()
     };
     let points = Arc::new(AtomicU64::new(0));
-    let shown = show_count(ProgressMode::Bars, ["voltage sweep", "states"], points.clone(), 0);
+    // A few seconds of work beside a report: lines elsewhere would only come between its messages.
+    let mode = match std::io::stderr().is_terminal() {
+        true => ProgressMode::Bars,
+        false => ProgressMode::Warnings,
+    };
+    let shown = show_count(mode, ["voltage sweep", "states"], points.clone(), 0);
     let count = |_: &Field| points.fetch_add(1, Ordering::Relaxed) as f64;
     let path = PathSolver::new(&scene, options, PathParameter::Voltage).ok()?;
     let path = path.observed_path(&design.pattern, Some(&count)).ok()?;
