@@ -16,7 +16,7 @@ use super::progress::ProgressMode;
 use super::{CliError, Exit, Output, pipeline, upstream, write};
 use deaflow_orchestrator::{Environment, Pipeline, plan, plan_warnings};
 use deaflow_report::{
-    PipelineHistory, RunArtifacts, StageArtifact, StageRecord, designs, set_options, shell_word, write_report,
+    PipelineHistory, RunArtifacts, StageArtifact, StageRecord, set_options, shell_word, write_report,
 };
 use deaflow_store::{Condition, Effort, Store};
 use voltage_sweep::voltage_sweep;
@@ -80,15 +80,13 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
         let neglected = neglected_effects(&pipeline, &artifacts, ProgressMode::Bars)?;
         history.model_warnings.extend(neglected.all());
         write::folder(folder)?;
-        write::check_file(&folder.join("index.html"))?;
-        history.sweep = voltage_sweep(&designs(&artifacts, &artifacts.superseded())?);
     }
     if let Some(file) = &arguments.sheet {
         write::check_output(file, &[history.path.clone()])?;
     }
     let folder = arguments.output.as_deref();
     let report = folder
-        .map(|folder| write_report(&store, &history, folder))
+        .map(|folder| write_report(&store, &history, folder, voltage_sweep))
         .transpose()?;
     sheet.iter().try_for_each(sheet::PreparedSheet::write)?;
     let missing: Vec<&str> = history.missing().iter().map(|stage| stage.name.as_str()).collect();

@@ -31,11 +31,11 @@ use deaflow_pattern::{Edges, has_patterns};
 use deaflow_stage::direct::{self, ReadScene};
 
 pub use analysis::{Analysed, Analysis};
-pub use breakdown::FieldAlongPath;
 pub use equilibria::{Equilibria, SolveRequest, Solved};
 use history::HistoryArguments;
 pub use history::OutputTimes;
 use modes::ModesArguments;
+pub use path::field_along;
 pub use response::Frequencies;
 use response::ResponseArguments;
 pub use simulation::Computation;

@@ -6,7 +6,6 @@ use std::path::Path;
 
 use super::artifacts::{RunArtifacts, StageArtifact};
 use super::error::ReportError;
-use super::page::sweep::VoltageSweep;
 use deaflow_base::{ArtifactId, Node, NodeValue};
 use deaflow_orchestrator::{Pipeline, Rounds, StageReport};
 use deaflow_store::{Artifact, Command, Cost, Run, StageOutcome, Store, StoreError};
@@ -26,8 +25,6 @@ pub struct PipelineHistory {
     pub rounds: Vec<Rounds>,
     /// Warnings about the model: neglected effects that are significant, a line each.
     pub model_warnings: Vec<String>,
-    /// The best design as the voltage rises, if it was simulated so.
-    pub sweep: Option<VoltageSweep>,
     /// The last run that built an artifact of the present plan; `None` if no run in the history has these artifacts.
     pub last_run: Option<LastRun>,
 }
@@ -131,7 +128,6 @@ impl PipelineHistory {
             stages,
             rounds: pipeline.rounds.clone(),
             model_warnings: Vec::new(),
-            sweep: None,
             last_run: last.map(|run| LastRun {
                 ended: run.created.clone(),
                 has_built: has_built(run, plan),

@@ -11,6 +11,7 @@ use super::error::ReportError;
 use super::export::{cell_lines, dxf, mask_drawing};
 use super::history::PipelineHistory;
 use super::intervals::NetworkInterval;
+use super::page::sweep::VoltageSweep;
 use super::page::{self, report_page};
 use deaflow_base::{CsvColumn, CsvTable, OutputFile, csv_metadata, folder_of, read_bounded};
 use deaflow_field::{CHARGE_UNIT, REACTION_UNIT};
@@ -89,20 +90,26 @@ pub struct ReportFiles {
 
 /// Writes the report of a pipeline into a folder: `index.html`, and if there are designs `data/designs.csv`,
 /// `data/patterns/NAME.csv`, their description in `data/csv-metadata.json`, and for searched designs
-/// `data/masks/NAME.dxf`. Patterns and masks of an earlier report that are no longer needed are removed.
+/// `data/masks/NAME.dxf`. Patterns and masks of an earlier report that are no longer needed are removed. `sweep`
+/// simulates the best of the designs at rising voltages.
 ///
 /// # Errors
 /// If an artifact cannot be read, or a file cannot be written.
-pub fn write_report(store: &Store, history: &PipelineHistory, folder: &Path) -> Result<ReportFiles, ReportError> {
+pub fn write_report(
+    store: &Store,
+    history: &PipelineHistory,
+    folder: &Path,
+    sweep: impl FnOnce(&[Design]) -> Option<VoltageSweep>,
+) -> Result<ReportFiles, ReportError> {
     let made = history.made();
     let run = history.run(store, &made);
     let designs = designs(&run, &run.superseded())?;
-    let page = report_page(&run, history, &designs)?;
-    refuse_another(&page, folder)?;
     let (path, data) = (folder.join("index.html"), folder.join("data"));
     let (table, patterns, about) = (data.join("designs.csv"), data.join("patterns"), data.join(METADATA));
-    // Obstacles are found before any file of an earlier report is removed.
+    // Obstacles are found before any file of an earlier report is removed, and before the sweep, which takes seconds.
     let page_file = OutputFile::new(&path)?;
+    let page = report_page(&run, history, &designs, sweep(&designs).as_ref())?;
+    refuse_another(&page, folder)?;
     let of_design = |design: &Design| data.join(design.pattern_file());
     let earlier = earlier_files(&table, &data);
     let (mut written, mut masks) = (Vec::new(), Vec::new());

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::progress::{ProgressMode, show_count};
-use crate::solve::FieldAlongPath;
+use crate::solve::field_along;
 use deaflow_fem::screening::resolve;
-use deaflow_fem::{MembraneSolver, PathParameter, PathPoint, PathSolver, SolveOptions};
+use deaflow_fem::{MembraneSolver, PathParameter, PathSolver, SolveOptions};
 use deaflow_field::{Field, Mesh};
 use deaflow_report::{Design, SweepEnd, VoltageSweep, best_design};
 use deaflow_scene::Scene;
@@ -57,9 +57,9 @@ pub fn voltage_sweep(designs: &[Design]) -> Option<VoltageSweep> {
     let count = |_: &Field| points.fetch_add(1, Ordering::Relaxed) as f64;
     let path = PathSolver::new(&scene, options, PathParameter::Voltage).ok()?;
     let path = path.observed_path(&design.pattern, Some(&count)).ok()?;
-    let stable = |point: &PathPoint| if point.stable { point.breakdown_ratio } else { 0.0 };
-    let field = FieldAlongPath(path.points.iter().map(stable).collect());
-    let broken = field.reached().map(|place| place.between(|at| path.points[at].voltage));
+    let broken = field_along(&path)
+        .reached()
+        .map(|place| place.between(|at| path.points[at].voltage));
     let limit = path.limit().map(|limit| (limit.voltage, SweepEnd::Limit));
     let ends = [broken.map(|volts| (volts, SweepEnd::Breakdown)), limit]
         .into_iter()

@@ -345,13 +345,13 @@ impl Controlled {
             PathParameter::Voltage => format!("{} V", four_digits(reached.between(|at| points[at].voltage))),
             _ => self.text(reached.between(|at| points[at].share)),
         };
-        field(path).warning(scene, index, at, path.limit().is_some())
+        field_along(path).warning(scene, index, at, path.limit().is_some())
     }
 
     /// Returns what fails before the limit on the stable part of a path: its name, and its place.
     fn first_failure(&self, PatternPath { path, critical }: &PatternPath) -> Option<FailurePlace> {
         let points = &path.points;
-        let breakdown = field(path).reached().map(|reached| FailurePlace {
+        let breakdown = field_along(path).reached().map(|reached| FailurePlace {
             name: "breakdown",
             voltage: reached.between(|at| points[at].voltage),
             share: reached.between(|at| points[at].share),
@@ -397,7 +397,7 @@ impl Controlled {
             across: path.points.iter().map(|p| self.across(p)).collect(),
             stable: path.points.iter().map(|p| p.stable).collect(),
             limit,
-            breakdown: field(path).reached().map(|reached| {
+            breakdown: field_along(path).reached().map(|reached| {
                 let values: [&dyn Fn(&PathPoint) -> f64; 2] = [&|p| self.along(p), &|p| self.across(p)];
                 values.map(|value| reached.between(|at| value(&path.points[at])))
             }),
@@ -422,7 +422,7 @@ fn stable(path: &LoadPath) -> impl Iterator<Item = &PathPoint> {
 }
 
 /// Returns the electric field on the stable part of a path.
-fn field(path: &LoadPath) -> FieldAlongPath {
+pub fn field_along(path: &LoadPath) -> FieldAlongPath {
     FieldAlongPath(stable(path).map(|point| point.breakdown_ratio).collect())
 }
 
@@ -549,7 +549,7 @@ fn document(PatternPath { path, critical }: &PatternPath, controlled: &Controlle
         .map(|limit| json!({ "voltage": limit.voltage, "share": limit.share, "point": limit.point }));
     json!({
         "out_of_plane": out_of_plane,
-        "breakdown": field(path).reached().map(|reached| {
+        "breakdown": field_along(path).reached().map(|reached| {
             let between = |value: fn(&PathPoint) -> f64| reached.between(|at| value(&path.points[at]));
             json!({ "voltage": between(|point| point.voltage), "share": between(|point| point.share) })
         }),

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::front::{self, FoundFront};
 use crate::artifacts::{ArtifactReader, RunArtifacts};
-use crate::designs::{Objective, Role, designs, membranes};
+use crate::designs::{Design, Objective, Role, designs, membranes};
 use crate::drawing::{Axis, Chart, Mark, Series, Sheet};
 use crate::error::ReportError;
 use crate::evaluators::{Evaluators, read};
@@ -60,8 +60,12 @@ impl Presenter for DesignPresenter {
 
     fn headlines(&self, run: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
         // Those that were simulated have lines of their own.
-        let all = designs(run, &run.superseded())?;
-        let is_open = |stage: &str| all.iter().any(|design| design.made.stage == stage);
+        let all = match run.stages.iter().any(|made| made.kind == "verify") {
+            true => Some(designs(run, &run.superseded())?),
+            false => None,
+        };
+        let is_in = |all: &Vec<Design>, stage: &str| all.iter().any(|design| design.made.stage == stage);
+        let is_open = |stage: &str| all.as_ref().is_none_or(|all| is_in(all, stage));
         let headlines = run.each(self.kind(), |source| {
             if !is_open(&source.stage.stage) {
                 return Ok(None);

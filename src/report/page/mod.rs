@@ -18,11 +18,12 @@ use super::history::{PipelineHistory, StageRecord};
 use super::html::Page;
 use super::kinds::by_section;
 use super::summary::TRUSTED;
+use sweep::VoltageSweep;
 use warnings::ReportWarnings;
 
 pub use layout::{BOX as STAGE_HEIGHT, Layout, layout};
 
-/// Writes the page of a pipeline.
+/// Writes the page of a pipeline, with the sweep of its best design if there is one.
 ///
 /// # Errors
 /// If an artifact cannot be read or does not have the content of its kind.
@@ -30,10 +31,11 @@ pub fn report_page(
     run: &RunArtifacts<'_>,
     history: &PipelineHistory,
     designs: &[Design],
+    sweep: Option<&VoltageSweep>,
 ) -> Result<String, ReportError> {
     let mut page = Page::new(&history.pipeline);
     let warned = ReportWarnings::read(run, history)?;
-    head(&mut page, history, designs, &warned);
+    head(&mut page, history, (designs, sweep), &warned);
     designs::section(&mut page, designs, &mask_command(history, designs));
     designs::agreement(&mut page, designs);
     dag::section(&mut page, history);
@@ -84,7 +86,12 @@ pub(super) fn design_options(design: &Design) -> String {
 pub const ABOUT: &str = "Report of the pipeline ";
 
 /// Adds title, missing stages, warnings and the main numbers.
-fn head(page: &mut Page, history: &PipelineHistory, designs: &[Design], warned: &ReportWarnings) {
+fn head(
+    page: &mut Page,
+    history: &PipelineHistory,
+    (designs, sweep): (&[Design], Option<&VoltageSweep>),
+    warned: &ReportWarnings,
+) {
     let took: f64 = history
         .stages
         .iter()
@@ -120,7 +127,7 @@ fn head(page: &mut Page, history: &PipelineHistory, designs: &[Design], warned: 
             ),
         ]);
     }
-    if let Some(best) = best::best(designs, history.sweep.as_ref()) {
+    if let Some(best) = best::best(designs, sweep) {
         page.top(best);
     }
     page.warnings("Model warnings", &warned.of_model);
