@@ -464,10 +464,7 @@ fn is_moved(layout: NodeLayout, fine: &[Point], place: [usize; 2]) -> bool {
 pub(super) fn area([columns, _]: [usize; 2], snapped: &Snapped, fine: &[Point], cell: usize, half: usize) -> f64 {
     let wide = 2 * columns + 1;
     let first = 2 * (cell / columns) * wide + 2 * (cell % columns);
-    let corners = match snapped.splits[cell] {
-        None => vec![0, 1, 3, 2],
-        Some(diagonal) => diagonal.halves()[half].to_vec(),
-    };
+    let corners = snapped.corners_around(cell, half);
     let place = |corner: usize| [corner % 2 * 2, corner / 2 * 2];
     let point = |[x, y]: [usize; 2]| fine[first + y * wide + x];
     let cross = |a: Point, b: Point| a[0] * b[1] - a[1] * b[0];

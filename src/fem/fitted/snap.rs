@@ -174,16 +174,20 @@ impl Snapped {
     /// were not.
     pub fn straighten(&mut self, cell: usize, half: usize) -> bool {
         let vertices = self.vertices_of(cell);
-        // Anticlockwise around the cell.
-        let corners = match self.splits[cell] {
-            None => vec![0, 1, 3, 2],
-            Some(diagonal) => diagonal.halves()[half].to_vec(),
-        };
+        let corners = self.corners_around(cell, half);
         let ends = corners.iter().zip(corners.iter().cycle().skip(1));
         let edges = ends.map(|(a, b)| [vertices[*a].min(vertices[*b]), vertices[*a].max(vertices[*b])]);
         let before = self.straight.len();
         self.straight.extend(edges);
         self.straight.len() > before
+    }
+
+    /// Returns the corners of a half of a cell, or of the whole cell without a split, anticlockwise.
+    pub fn corners_around(&self, cell: usize, half: usize) -> Vec<usize> {
+        match self.splits[cell] {
+            None => vec![0, 1, 3, 2],
+            Some(diagonal) => diagonal.halves()[half].to_vec(),
+        }
     }
 
     /// Returns the middle of the vertices of a cell.
