@@ -217,54 +217,6 @@ impl DesignRows {
     }
 }
 
-/// How much a design counts among those of its target: one that satisfies the constraints before others, one of a
-/// search before a reference, then the one that comes nearest to a target displacement, or else has the largest value;
-/// of equal ones a refined one.
-#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
-pub struct DesignRank {
-    is_met: bool,
-    is_searched: bool,
-    /// Whether it is refined and was not simulated.
-    is_refinement: bool,
-    closeness: f64,
-    value: f64,
-    is_refined: bool,
-}
-
-impl DesignRank {
-    /// Returns the rank of a design that was simulated: by its distance from a target displacement, if there is one (in
-    /// mm), and by the simulated value.
-    #[must_use]
-    pub fn simulated(role: Role, status: &str, distance: Option<f64>, value: f64) -> Self {
-        Self {
-            is_met: is_met(status),
-            is_searched: role.is_searched(),
-            is_refinement: false,
-            closeness: -distance.unwrap_or(0.0),
-            value,
-            is_refined: role == Role::Refined,
-        }
-    }
-
-    /// Returns the rank of a design that was not simulated. A refined one comes before others, as different evaluators
-    /// may have predicted them.
-    #[must_use]
-    pub fn predicted(role: Role, status: &str, value: f64) -> Self {
-        Self {
-            is_refinement: role == Role::Refined,
-            ..Self::simulated(role, status, None, value)
-        }
-    }
-}
-
-/// Returns whether a design satisfies its constraints, by its status. That there are fewer designs than requested is no
-/// violation.
-#[must_use]
-pub fn is_met(status: &str) -> bool {
-    let is_shortage = || status.contains(" designs: none beside differs") && !status.contains("; ");
-    status == "met" || is_shortage()
-}
-
 /// Returns for each row its index in the arrays of predictions; `None` without a prediction.
 #[must_use]
 pub fn predicted_rows(roles: &[Role]) -> Vec<Option<usize>> {

@@ -33,6 +33,7 @@ mod measured;
 mod observations;
 mod patterns;
 mod quantities;
+mod rank;
 mod samples;
 mod solutions;
 mod solve_file;
@@ -52,8 +53,8 @@ pub use calibration::{Calibration, CalibrationView, Difficulty, Novelty};
 pub use catalogue::{ContentOfKind, catalogue};
 pub use declared::Declared;
 pub use designs::{
-    Candidates, Components, DesignRank, DesignRows, DesignRowsView, Designs, DesignsView, GENOME_UNITS, GradientSteps,
-    History, PredictedStates, SimulatedStates, Verification, VerificationView, is_met, predicted_rows,
+    Candidates, Components, DesignRows, DesignRowsView, Designs, DesignsView, GENOME_UNITS, GradientSteps, History,
+    PredictedStates, SimulatedStates, Verification, VerificationView, predicted_rows,
 };
 pub use dropped::DroppedRows;
 pub use element::{Packed, PerCell, PerUnit, Row, SingleField};
@@ -76,6 +77,7 @@ pub use observations::{Meshes, NO_STATE, Observations, rotations, translations};
 pub use part::LongTexts;
 pub use patterns::named_patterns;
 pub use quantities::{MeasuredQuantity, Quantities};
+pub use rank::{DesignRank, best_design, best_of_targets, is_met};
 pub use samples::{CoveredCells, DrawnElectrodes, FROM_FILE, SAMPLED, SampleRows, Samples};
 pub use solutions::{SOLVED, Solutions, SolutionsView, SolvedHistories, Unstable};
 pub use solve_file::{CellFields, SolveFile};

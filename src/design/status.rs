@@ -1,8 +1,7 @@
 //! The status of a design: `met`, or the requirements that are not met. The text is part of artifact digests.
 
 use super::constraint::Constraints;
-use super::target::AT_MOST;
-use deaflow_pattern::Pattern;
+use deaflow_pattern::{Pattern, largest_area};
 
 /// Joins the requirements that are not met.
 pub(super) fn status_of(unmet: &[String]) -> String {
@@ -19,10 +18,8 @@ pub fn own_pattern_status(pattern: &Pattern, area: &str, constraints: &Constrain
     let mut unmet = Vec::new();
     let found = constraints.area_fraction(pattern);
     let tolerance = 0.5 / constraints.free_count() as f64;
-    let is_met = match area.strip_prefix(AT_MOST) {
-        Some(largest) => largest
-            .parse::<f64>()
-            .map_or(true, |largest| found <= largest + tolerance),
+    let is_met = match largest_area(area) {
+        Some(largest) => found <= largest + tolerance,
         None => area
             .parse::<f64>()
             .map_or(true, |wanted| (wanted - found).abs() <= tolerance),

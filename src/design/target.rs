@@ -11,6 +11,7 @@ use deaflow_base::{
     Canonical, Decimal, Declared, Fields, InputError, Map, Node, NodeValue, Parameter, Schema, is_plain_name,
     parameters,
 };
+use deaflow_pattern::AT_MOST;
 use deaflow_scene::{Scene, Tolerances};
 
 /// The name of the target if a stage has a single objective.
@@ -376,9 +377,6 @@ impl Area {
         }
     }
 }
-
-/// What stands before a largest area in files.
-pub(super) const AT_MOST: &str = "at most ";
 
 impl fmt::Display for Area {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -17,10 +17,10 @@ use std::time::Instant;
 
 use serde_json::json;
 
-use super::results::{CHARGE, CHARGE_HYPERVOLUME, HYPERVOLUME, PREDICTED_REACTION, best_of_targets, of_targets};
+use super::results::{CHARGE, CHARGE_HYPERVOLUME, HYPERVOLUME, PREDICTED_REACTION, of_targets};
 use super::{drive_check, model, needed, scene};
 use deaflow_base::{Canonical, Declared, Document, Fields, InputError, Map, Node, Parameter, Stopped, parameters};
-use deaflow_content::{DesignRank, Designs};
+use deaflow_content::{DesignRank, Designs, best_of_targets};
 use deaflow_design::{
     CaseLabel, ConstraintParameters, DesignTask, Front, FrontObjective, Method, Objective, PlannedDesign, ResponseKind,
     SINGLE_NAME, Search, SearchError, SearchOptions, Target, Targets, UNITS,

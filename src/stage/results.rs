@@ -1,6 +1,6 @@
 //! The results of stages: numbers by name.
 
-use deaflow_content::{ArtifactKind, DesignRank, Samples, Solutions};
+use deaflow_content::{ArtifactKind, Samples, Solutions};
 use deaflow_field::{CHARGE_UNIT, REACTION_UNIT};
 use deaflow_orchestrator::StageError;
 use deaflow_store::Artifact;
@@ -112,20 +112,6 @@ pub fn most(numbers: &[f64]) -> f64 {
     numbers.iter().copied().fold(f64::NAN, f64::max)
 }
 
-/// Returns for each target the first of its designs with the highest rank, in the order of the targets. `designs` are
-/// the targets with their ranks, and anything else.
-pub fn best_of_targets<'a, T>(designs: impl IntoIterator<Item = (&'a str, DesignRank, T)>) -> Vec<(&'a str, T)> {
-    let mut best: Vec<(&str, DesignRank, T)> = Vec::new();
-    for design in designs {
-        match best.iter_mut().find(|known| known.0 == design.0) {
-            Some(known) if design.1 > known.1 => *known = design,
-            Some(_) => {}
-            None => best.push(design),
-        }
-    }
-    best.into_iter().map(|(target, _, design)| (target, design)).collect()
-}
-
 /// Returns a result for each column and target. Its name is that of the column, followed by the target if there are
 /// several. `rows` are the targets with their rows.
 pub fn of_targets(rows: &[(&str, usize)], columns: &[(&str, &[f64])]) -> Vec<(String, f64)> {
@@ -147,7 +133,6 @@ pub fn of_targets(rows: &[(&str, usize)], columns: &[(&str, &[f64])]) -> Vec<(St
 #[cfg(test)]
 mod tests {
     use super::*;
-    use deaflow_pattern::Role;
 
     #[test]
     fn results_have_the_names_of_several_targets() {
@@ -157,35 +142,6 @@ mod tests {
         let two = of_targets(&[("a", 3), ("b", 1)], &[("value", &numbers)]);
         assert_eq!(two, named([("value.a", 4.0), ("value.b", 2.0)]));
         assert_eq!(of_targets(&[], &[("value", &numbers)]), Vec::new());
-    }
-
-    #[test]
-    fn the_best_design_of_each_target_counts() {
-        let few = "1 of 3 designs: none beside differs from them in 5 % of the cells";
-        let simulated = DesignRank::simulated;
-        // One that satisfies the constraints, of a search, with the largest value.
-        let ranks = [
-            simulated(Role::Refined, "area 0.4, wanted 0.5 within 0.02", None, 9.0),
-            simulated(Role::Optimum, "met", None, 8.0),
-            simulated(Role::Ga, "met", None, 2.0),
-            simulated(Role::Ga, few, None, 3.0),
-            simulated(Role::Refined, &format!("area 0.4; {few}"), None, 7.0),
-        ];
-        let designs = |count: usize| ranks[..count].iter().enumerate().map(|(at, rank)| ("a", *rank, at));
-        for (count, best) in [(1, 0), (2, 1), (3, 2), (4, 3), (5, 3)] {
-            assert_eq!(best_of_targets(designs(count)), [("a", best)]);
-        }
-        // The nearest to a target displacement; the first of equal ones; each target has its own.
-        let near = [0.2, 0.1, 0.1].map(|distance| simulated(Role::Ga, "met", Some(distance), 1.0));
-        let designs = [
-            ("b", near[0], 0),
-            ("a", near[0], 1),
-            ("b", near[1], 2),
-            ("b", near[2], 3),
-        ];
-        assert_eq!(best_of_targets(designs), [("b", 2), ("a", 1)]);
-        // Different evaluators may have predicted a design and its refinement.
-        assert!(DesignRank::predicted(Role::Refined, "met", 1.0) > DesignRank::predicted(Role::Ga, "met", 2.0));
     }
 
     #[test]

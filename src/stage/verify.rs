@@ -8,11 +8,12 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::design::{self, amplitude_solver};
-use super::results::{PREDICTED_REACTION, REACTION, best_of_targets, of_targets};
+use super::results::{PREDICTED_REACTION, REACTION, of_targets};
 use super::{drive_check, needed, patterns, scene, solution};
 use deaflow_base::{Canonical, Fields, InputError, Map, Node};
 use deaflow_content::{
-    Components, DesignRank, DesignRows, Designs, Packed, SimulatedStates, Verification, predicted_rows,
+    Components, DesignRank, DesignRows, Designs, Packed, SimulatedStates, Verification, VerificationView,
+    best_of_targets, predicted_rows,
 };
 use deaflow_design::{Goal, PlannedDesign, ResponseKind};
 use deaflow_fem::screening::resolved_states;
@@ -52,34 +53,17 @@ impl Kind for VerifyKind {
 
     fn results(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
         let view = Verification::open(artifact)?;
-        let rows = view.rows();
-        let (names, roles) = (rows.name().read()?, rows.role().read()?);
-        let (simulated, area) = (view.component().simulated().read()?, rows.area().read()?);
-        let (statuses, distances) = (rows.status().read()?.0, view.component().distance().read()?);
-        let places = view.simulated_rows()?;
-        let found = (0..names.len()).filter(|row| roles[*row].is_found());
-        let ranked = found.filter_map(|row| {
-            let at = places[row]?;
-            let rank = DesignRank::simulated(roles[row], &statuses[row], Some(distances[at]), simulated[at]);
-            Some((names[row].as_str(), rank, (row, at)))
-        });
-        let mut found = best_of_targets(ranked);
-        found.sort_by_key(|(name, _)| *name);
-        let by_row: Vec<(&str, usize)> = found.iter().map(|(name, (row, _))| (*name, *row)).collect();
-        let predicted = predicted_rows(&roles);
-        let by_prediction: Vec<(&str, usize)> = by_row
-            .iter()
-            .filter_map(|(name, row)| Some((*name, predicted[*row]?)))
-            .collect();
-        let by_field: Vec<(&str, usize)> = found.iter().map(|(name, (_, at))| (*name, *at)).collect();
-        let [simulated_name, predicted_name] = match view.unit()? {
-            REACTION_UNIT => [REACTION, PREDICTED_REACTION],
-            _ => ["displacement", "predicted"],
-        };
-        let mut results = of_targets(&by_field, &[(simulated_name, &simulated)]);
-        results.extend(of_targets(&by_row, &[("area", &area)]));
+        let best = BestDesigns::read(&view)?;
+        let [simulated_name, predicted_name] = names_of_values(&view)?;
+        let simulated = view.component().simulated().read()?;
+        let mut results = of_targets(&best.places(|one| Some(one.field)), &[(simulated_name, &simulated)]);
+        let area = view.rows().area().read()?;
+        results.extend(of_targets(&best.places(|one| Some(one.row)), &[("area", &area)]));
         let predicted = view.component().predicted().read()?;
-        results.extend(of_targets(&by_prediction, &[(predicted_name, &predicted)]));
+        results.extend(of_targets(
+            &best.places(|one| one.prediction),
+            &[(predicted_name, &predicted)],
+        ));
         Ok(results)
     }
 
@@ -137,6 +121,57 @@ impl Kind for VerifyKind {
         solver.check_scene(&map, &scene)?;
         Ok(Box::new(VerifyStage { solver, scene }))
     }
+}
+
+/// The best design of each target, ordered by the names of the targets.
+struct BestDesigns(Vec<(String, BestDesign)>);
+
+/// Where the numbers of a design are.
+#[derive(Clone, Copy)]
+struct BestDesign {
+    row: usize,
+    /// Its place in the arrays of simulated numbers.
+    field: usize,
+    /// Its place in the arrays of predictions, if it has one.
+    prediction: Option<usize>,
+}
+
+impl BestDesigns {
+    fn read(view: &VerificationView<'_>) -> Result<Self, StageError> {
+        let rows = view.rows();
+        let (names, roles) = (rows.name().read()?, rows.role().read()?);
+        let (statuses, distances) = (rows.status().read()?.0, view.component().distance().read()?);
+        let simulated = view.component().simulated().read()?;
+        let (places, predictions) = (view.simulated_rows()?, predicted_rows(&roles));
+        let found = (0..names.len()).filter(|row| roles[*row].is_found());
+        let ranked = found.filter_map(|row| {
+            let field = places[row]?;
+            let distance = Some(distances[field]);
+            let rank = DesignRank::simulated(roles[row], &statuses[row], distance, simulated[field]);
+            let prediction = predictions[row];
+            Some((&names[row], rank, BestDesign { row, field, prediction }))
+        });
+        let best = best_of_targets(ranked).into_iter();
+        let mut best: Vec<(String, BestDesign)> = best.map(|(name, one)| (name.clone(), one)).collect();
+        best.sort_by(|one, other| one.0.cmp(&other.0));
+        Ok(Self(best))
+    }
+
+    /// Returns the targets with a place of their design.
+    fn places(&self, place: impl Fn(&BestDesign) -> Option<usize>) -> Vec<(&str, usize)> {
+        let known = self.0.iter();
+        known
+            .filter_map(|(name, one)| Some((name.as_str(), place(one)?)))
+            .collect()
+    }
+}
+
+/// Returns the names of the simulated and the predicted values.
+fn names_of_values(view: &VerificationView<'_>) -> Result<[&'static str; 2], StageError> {
+    Ok(match view.unit()? {
+        REACTION_UNIT => [REACTION, PREDICTED_REACTION],
+        _ => ["displacement", "predicted"],
+    })
 }
 
 const WHAT: &str = "a verify stage";

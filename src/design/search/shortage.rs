@@ -2,7 +2,7 @@
 
 use super::found::FoundDesign;
 use deaflow_field::NO_FIELD;
-use deaflow_pattern::Role;
+use deaflow_pattern::{Role, Shortage};
 
 /// Adds a note to the status of the last design of each role that has fewer than `requested` designs with the minimum
 /// distance.
@@ -15,11 +15,13 @@ pub(super) fn report_shortage(designs: &mut [FoundDesign], requested: usize, dis
         let Some(design) = last.filter(|_| found < requested) else {
             continue;
         };
-        let percent = 100.0 * distance;
-        // The text is part of artifact digests.
-        let note = format!("{found} of {requested} designs: none beside differs from them in {percent} % of the cells");
+        let note = Shortage {
+            found,
+            requested,
+            percent: 100.0 * distance,
+        };
         design.status = match design.status.as_str() {
-            "met" => note,
+            "met" => note.to_string(),
             other => format!("{other}; {note}"),
         };
     }

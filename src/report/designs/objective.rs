@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::Path;
 
+use crate::format::mm;
 use deaflow_base::{Dimension, Document, InputError, Node, Parameter, four_digits};
 use deaflow_field::REACTION_UNIT;
 use deaflow_scene::{Edge, Scene, Shape};
@@ -160,6 +161,14 @@ impl Objective {
         } else {
             &self.targets
         }
+    }
+
+    /// Says what the value of a robust objective is; `None` of other objectives.
+    #[must_use]
+    pub fn robust_text(&self, value: Option<f64>) -> Option<String> {
+        let (words, value) = (self.robust.as_ref()?, value?);
+        let (unit, angle) = (self.unit(), self.angle(value));
+        Some(format!("{words} {} {unit}{angle}", mm(value)))
     }
 
     /// Returns a coordinate of each point in mm, separated by spaces.

@@ -1,7 +1,5 @@
 //! Design stages: their evaluators, and the progress of each search.
 
-use std::collections::BTreeMap;
-
 use serde::Serialize;
 
 use super::front::{self, FoundFront};
@@ -15,7 +13,7 @@ use crate::format::{mm, three};
 use crate::html::{Column, Page};
 use crate::intervals::{StageIntervals, of_stage};
 use crate::presenter::{Figures, Headline, Presenter, Results};
-use deaflow_content::{DesignRank, Designs, DesignsView};
+use deaflow_content::{DesignRank, Designs, DesignsView, best_of_targets};
 use deaflow_store::StoreError;
 
 /// Presents design stages.
@@ -80,15 +78,13 @@ impl Presenter for DesignPresenter {
             let (stage, unit) = (&source.stage.stage, source.of(view.unit())?);
             let objective = objective(source, &view)?;
             let angle = |value: f64| objective.as_ref().map_or_else(String::new, |read| read.angle(value));
-            let words = objective.as_ref().and_then(|read| read.robust.as_deref());
             let robust = source.of(view.robust().read())?;
             let robust = match (&best_rows[..], &robust) {
-                ([row], Some(values)) => words.zip(values.get(*row).copied()),
+                ([row], Some(values)) => values.get(*row).copied(),
                 _ => None,
             };
-            let robust = robust.map_or_else(String::new, |(words, value)| {
-                format!(" as drawn, {words} {} {unit}{}", mm(value), angle(value))
-            });
+            let robust = objective.as_ref().and_then(|read| read.robust_text(robust));
+            let robust = robust.map_or_else(String::new, |robust| format!(" as drawn, {robust}"));
             let ends = [f64::min, f64::max].map(|end| best.iter().copied().reduce(end));
             let text = match (&best[..], ends) {
                 ([value], _) => format!(
@@ -273,14 +269,9 @@ fn best_rows(view: &DesignsView<'_>) -> Result<Vec<usize>, StoreError> {
     let (names, roles, statuses) = (rows.name().read()?, rows.role().read()?, rows.status().read()?.0);
     let values = view.value().read()?;
     let rank = |row: usize| DesignRank::predicted(roles[row], &statuses[row], values[row]);
-    let mut best: BTreeMap<&String, usize> = BTreeMap::new();
-    for row in (0..names.len()).filter(|row| roles[*row].is_found()) {
-        let known = best.entry(&names[row]).or_insert(row);
-        if rank(row) > rank(*known) {
-            *known = row;
-        }
-    }
-    Ok(best.into_values().collect())
+    let found = (0..names.len()).filter(|row| roles[*row].is_found());
+    let best = best_of_targets(found.map(|row| (&names[row], rank(row), row)));
+    Ok(best.into_iter().map(|(_, row)| row).collect())
 }
 
 /// Returns the objective of a single target; `None` if there are several.
