@@ -99,7 +99,7 @@ impl CheckedFile {
         let free = scene.and_then(Scene::free_cells);
         let sides = self.patterns.first().map(|pattern| pattern.raster().sides());
         let islands = |pattern: &Pattern| {
-            let islands = islands(&within(pattern, free.as_ref()));
+            let islands = within(pattern, free.as_ref()).islands();
             islands.iter().map(Bits::count).collect::<Vec<_>>()
         };
         json!({
@@ -153,19 +153,6 @@ fn within(pattern: &Pattern, free: Option<&Bits>) -> Pattern {
     free.map_or_else(|| pattern.clone(), |free| pattern.within(free))
 }
 
-/// The connected pieces of a pattern, the largest first.
-fn islands(pattern: &Pattern) -> Vec<Bits> {
-    let mut rest = Bits::of(pattern);
-    let mut found = Vec::new();
-    while !rest.is_empty() {
-        let island = rest.flooded(&rest.first());
-        rest = rest.without(&island);
-        found.push(island);
-    }
-    found.sort_by_key(|island| std::cmp::Reverse(island.count()));
-    found
-}
-
 /// Area, groups and islands of a pattern.
 fn facts(pattern: &Pattern, scene: Option<&Scene>) -> String {
     let free = scene.and_then(Scene::free_cells);
@@ -191,7 +178,7 @@ fn facts(pattern: &Pattern, scene: Option<&Scene>) -> String {
             facts += &format!(", group {group}: {cells} cells");
         }
     }
-    let islands = islands(pattern);
+    let islands = pattern.islands();
     let place = |island: &Bits| {
         let [columns, rows] = island.sides();
         let span = |length: usize, is_at: &dyn Fn(usize) -> bool| {

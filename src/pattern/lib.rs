@@ -11,6 +11,7 @@ mod drawn;
 mod electrodes;
 mod fabricated;
 mod file;
+mod islands;
 mod largest_area;
 mod layers;
 mod membrane;

@@ -56,6 +56,12 @@ impl Role {
         matches!(self, Self::Refined | Self::Ga | Self::Optimum)
     }
 
+    /// Returns whether a person would draw the pattern.
+    #[must_use]
+    pub fn is_intuitive(self) -> bool {
+        matches!(self, Self::Intuitive | Self::IntuitiveEqualArea)
+    }
+
     /// Returns whether the pattern is compared with the optimum and the intuitive designs.
     #[must_use]
     pub fn is_compared(self) -> bool {

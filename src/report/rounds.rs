@@ -289,6 +289,8 @@ mod tests {
             other_scene: None,
             objective: Arc::default(),
             constraints: String::new(),
+            area_target: String::new(),
+            small_islands: None,
         }
     }
 

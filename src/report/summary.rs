@@ -10,13 +10,18 @@ use serde::Serialize;
 
 use super::artifacts::ArtifactReader;
 use super::designed_for;
-use super::designs::{Compared, Comparison, Gain, Objective, comparison, prediction_error};
+use super::designs::{
+    Compared, Comparison, Gain, Objective, Place, comparison, exceeds, prediction_error, small_islands,
+    without_difference,
+};
 use super::error::ReportError;
 use super::format::{counted, mm, mm_measured, percents, three};
 use super::intervals::{self, NetworkInterval};
 use super::presenter::Headline;
 use deaflow_base::{four_digits, measured, rounded_by};
-use deaflow_content::{DesignRank, Verification, VerificationView, is_met, predicted_rows};
+use deaflow_content::{
+    DesignRank, Verification, VerificationView, best_design, best_of_targets, is_met, predicted_rows,
+};
 use deaflow_field::{NO_FIELD, OutcomeKind};
 use deaflow_pattern::Role;
 use deaflow_scene::Scene;
@@ -124,6 +129,12 @@ pub struct RowSummary {
     /// The constraints of the target in YAML.
     #[serde(skip)]
     pub constraints: String,
+    /// The area of the target, as written in files.
+    #[serde(skip)]
+    pub area_target: String,
+    /// How many of its electrodes are smaller than a unit of the genetic algorithm, in words; `None` if none is.
+    #[serde(skip)]
+    pub small_islands: Option<String>,
 }
 
 impl RowSummary {
@@ -156,20 +167,37 @@ impl RowSummary {
     }
 
     /// Says what the value of a robust objective is; `None` of other objectives.
-    fn robust_text(&self, unit: &str) -> Option<String> {
-        let (words, value) = (self.objective.robust.as_ref()?, self.robust_mm?);
-        let angle = self.objective.angle(value);
-        Some(format!("{words} {} {unit}{angle} as predicted", mm(value)))
+    fn robust_text(&self) -> Option<String> {
+        let text = self.objective.robust_text(self.robust_mm)?;
+        Some(format!("{text} as predicted"))
+    }
+
+    /// The case and the name of its target.
+    fn target(&self) -> [&str; 2] {
+        [&self.case, &self.name]
     }
 
     fn same_target(&self, other: &Self) -> bool {
-        (&self.case, &self.name) == (&other.case, &other.name)
+        self.target() == other.target()
     }
 
-    /// Returns it with its rank among the designs of its target; `None` without a stable solution.
-    pub(super) fn ranked(&self) -> Option<(&Self, DesignRank)> {
-        let rank = DesignRank::simulated(self.role, &self.status, self.distance_mm, self.simulated_mm?);
-        Some((self, rank))
+    /// Returns its rank among the designs of its target; `None` without a stable solution.
+    fn rank(&self) -> Option<DesignRank> {
+        let value = self.simulated_mm?;
+        Some(DesignRank::simulated(self.role, &self.status, self.distance_mm, value))
+    }
+
+    /// Returns its place among the designs of its target; `None` of patterns for comparison, and without a stable
+    /// solution.
+    fn place(&self) -> Option<Place> {
+        let (rank, value) = self.rank().zip(self.simulated_mm).filter(|_| self.role.is_found())?;
+        Some(Place {
+            role: self.role,
+            rank,
+            is_met: is_met(&self.status),
+            value: self.distance_mm.unwrap_or(value),
+            error: self.simulated_error_mm,
+        })
     }
 
     /// Says how near it comes to the optimum; `None` of the optimum itself and of intuitive designs.
@@ -187,6 +215,7 @@ impl RowSummary {
             error_mm: self.simulated_error_mm,
             value_mm: None,
             is_met: self.distance_mm.is_some(),
+            area_target: &self.area_target,
             constraints: &self.constraints,
             status: &self.status,
         }
@@ -241,8 +270,8 @@ impl VerificationSummary {
             .iter()
             .filter_map(|row| Some((*row, row.simulated_mm?)))
             .collect();
-        let best = best(solved.iter().filter_map(|(row, _)| row.ranked()));
-        let Some((best, best_mm)) = best.and_then(|best| Some((best, best.simulated_mm?))) else {
+        let ranked = solved.iter().filter_map(|design| Some((design.0.rank()?, *design)));
+        let Some((best, best_mm)) = best_design(ranked) else {
             return Headline::bad(match designs.len() {
                 0 => format!(
                     "{stage}: {} without a design of a search",
@@ -291,7 +320,7 @@ impl VerificationSummary {
             mm_measured(best_mm, best.simulated_error_mm),
             best.objective.angle(best_mm)
         );
-        if let Some(robust) = best.robust_text(unit) {
+        if let Some(robust) = best.robust_text() {
             text += &format!(", {robust}");
         }
         if let Some(distance) = best.distance_mm {
@@ -312,9 +341,17 @@ impl VerificationSummary {
                 ", {} over the intuitive design, which has a different area",
                 gain.text(unit)
             );
+        } else if let Some(none) = best.compared.without_intuitive() {
+            text += &format!(", {none}");
         }
         if let Some(share) = best.to_optimum(unit) {
             text += &format!(", {share}");
+        }
+        if let Some(alike) = self.without_difference(best) {
+            text += &format!("; {alike}");
+        }
+        if let Some(small) = &best.small_islands {
+            text += &format!("; {small}");
         }
         if best.status != "met" {
             return Headline::bad(format!("{text} ({})", best.status));
@@ -324,6 +361,26 @@ impl VerificationSummary {
             1 => format!("{text}; another design violates constraints"),
             n => format!("{text}; {n} other designs violate constraints"),
         })
+    }
+
+    /// Says how many of the best designs of the target of a row do not differ by more than their errors; `None` if the
+    /// best one differs from all others.
+    fn without_difference(&self, row: &RowSummary) -> Option<String> {
+        let of_target = self.rows.iter().filter(|other| other.same_target(row));
+        without_difference(&of_target.filter_map(RowSummary::place).collect::<Vec<_>>())
+    }
+
+    /// Returns it with the rows in the order of reports: by target in the order in which these appear, then by role and
+    /// number.
+    #[must_use]
+    pub fn sorted(mut self) -> Self {
+        let keyed = (0..self.rows.len()).map(|at| (self.rows[at].target().map(str::to_owned), at));
+        let first: BTreeMap<[String; 2], usize> = keyed.rev().collect();
+        self.rows.sort_by_key(|row| {
+            let of_target = first.get(&row.target().map(str::to_owned)).copied();
+            (of_target, row.role, row.member)
+        });
+        self
     }
 
     /// Describes the accuracy of the predictions; `None` without predictions.
@@ -370,20 +427,14 @@ impl VerificationSummary {
     }
 }
 
-/// Returns the first of designs with the highest rank; `None` if there are none.
-pub(super) fn best<'a, T, R: PartialOrd>(designs: impl IntoIterator<Item = (&'a T, R)>) -> Option<&'a T> {
-    let better = |best: (&'a T, R), other: (&'a T, R)| if other.1 > best.1 { other } else { best };
-    designs.into_iter().reduce(better).map(|(design, _)| design)
-}
-
 /// Returns the positions of the best design of each target among those of some roles, in the order of the rows; none
 /// for targets without a design that has a stable solution.
 pub(super) fn best_rows(rows: &[RowSummary], roles: impl Fn(Role) -> bool) -> Vec<usize> {
-    let is_best = |row: &RowSummary| {
-        let of_target = rows.iter().filter(|other| roles(other.role) && other.same_target(row));
-        best(of_target.filter_map(RowSummary::ranked)).is_some_and(|best| std::ptr::eq(best, row))
-    };
-    (0..rows.len()).filter(|&at| is_best(&rows[at])).collect()
+    let of_roles = rows.iter().enumerate().filter(|(_, row)| roles(row.role));
+    let best = best_of_targets(of_roles.filter_map(|(at, row)| Some((row.target(), row.rank()?, at))));
+    let mut positions: Vec<usize> = best.into_iter().map(|(_, at)| at).collect();
+    positions.sort_unstable();
+    positions
 }
 
 /// Reads the rows of a verify stage with their objectives, without comparisons.
@@ -420,7 +471,8 @@ fn rows_of(
     let (cases, names, roles) = (rows.case().read()?, rows.name().read()?, rows.role().read()?);
     let (members, units, areas) = (rows.member().read()?, rows.units().read()?, rows.area().read()?);
     let (outcomes, statuses) = (view.outcome().read()?, rows.status().read()?.0);
-    let constraints = rows.constraints().read()?.0;
+    let (constraints, area_targets) = (rows.constraints().read()?.0, rows.area_target().read()?);
+    let patterns = rows.patterns().read()?;
     let (simulated, predictions) = (view.simulated_rows()?, predicted_rows(&roles));
     let row = |k: usize| {
         let objective = &objectives[k];
@@ -462,6 +514,8 @@ fn rows_of(
             other_scene: None,
             objective: objective.clone(),
             constraints: constraints[k].clone(),
+            area_target: area_targets[k].clone(),
+            small_islands: small_islands(&patterns[k]),
         }
     };
     Ok((0..names.len()).map(row).collect())
@@ -528,6 +582,16 @@ impl fmt::Display for VerificationSummary {
                 f,
                 "  ±: error of the mesh, estimated from two meshes; the error of the model is not included"
             )?;
+        }
+        for at in best_rows(&self.rows, Role::is_found) {
+            let best = &self.rows[at];
+            let Some(alike) = self.without_difference(best) else {
+                continue;
+            };
+            match self.rows.iter().all(|row| row.same_target(best)) {
+                true => writeln!(f, "  {alike}")?,
+                false => writeln!(f, "  {}: {alike}", target_title(&best.case, &best.name))?,
+            }
         }
         if self.not_stable > 0 {
             let text = self.not_stable_text();
@@ -609,7 +673,7 @@ impl fmt::Display for Line<'_> {
             (Some(value), None) => write!(f, "  {word} {:>7} {unit}{}", mm(value), row.objective.angle(value))?,
             (None, _) => write!(f, "  no stable solution was found: {}", row.outcome)?,
         }
-        if let Some(robust) = row.robust_text(unit) {
+        if let Some(robust) = row.robust_text() {
             write!(f, "  {robust}")?;
         }
         if let Some(interval) = &row.interval {
@@ -627,15 +691,23 @@ impl fmt::Display for Line<'_> {
             [Some(own), Some(equal)] => write!(f, "  gain over the intuitive design {own}, {equal} at equal area")?,
             [Some(own), None] => write!(f, "  gain over the intuitive design {own}")?,
             [None, Some(equal)] => write!(f, "  gain over the intuitive design {equal} at equal area")?,
-            [None, None] => {}
+            [None, None] => {
+                if let Some(none) = row.compared.without_intuitive() {
+                    write!(f, "  {none}")?;
+                }
+            }
         }
         if let Some(share) = row.to_optimum(unit) {
             write!(f, "  {share}")?;
         }
-        if row.status != "met" {
-            write!(f, "  ({})", row.status)?;
+        match row.status.as_str() {
+            // The search gives it no area, but a gain over it would break the limit.
+            "met" if row.role == Role::Intuitive && exceeds(row.area, &row.area_target) => {
+                write!(f, "  (area {:.4}, wanted {})", row.area, row.area_target)
+            }
+            "met" => Ok(()),
+            status => write!(f, "  ({status})"),
         }
-        Ok(())
     }
 }
 
@@ -650,16 +722,19 @@ fn role_name(role: Role) -> &'static str {
 
 /// Returns the title of a design: case, target, number and role.
 pub fn design_title(case: &str, name: &str, member: u64, role: Role) -> String {
-    let mut words: Vec<String> = Vec::new();
-    if !case.is_empty() {
-        words.push(case.to_owned());
-    }
-    // A single objective has the name of the stage kind.
-    if name != "design" || words.is_empty() {
-        words.push(name.to_owned());
-    }
+    let mut title = target_title(case, name);
     if member > 0 {
-        words.push((member + 1).to_string());
+        title += &format!(" {}", member + 1);
     }
-    format!("{}: {}", words.join(" "), role_name(role))
+    format!("{title}: {}", role_name(role))
+}
+
+/// Returns the title of a target: case and name.
+fn target_title(case: &str, name: &str) -> String {
+    match (case, name) {
+        ("", _) => name.to_owned(),
+        // A single objective has the name of the stage kind.
+        (_, "design") => case.to_owned(),
+        _ => format!("{case} {name}"),
+    }
 }

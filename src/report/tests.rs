@@ -171,10 +171,11 @@ fn verified(outcomes: [&str; 4]) -> Object {
         ("component/error_known", integers(&vec![1; n])),
         ("component/distance", floats("mm", &vec![0.0; n])),
         ("area", floats("1", &[0.5, 0.5, 0.4, 0.5])),
+        ("area_target", words(&["0.5"; 4])),
     ])
     .with_long_texts("objective", "d", [OBJECTIVE; 4])
     .with_long_texts("constraints", "d", ["{}"; 4])
-    .with_long_texts("status", "d", ["met", "met", "met", "area 0.4, wanted 0.5"])
+    .with_long_texts("status", "d", ["met"; 4])
 }
 
 #[test]
@@ -334,7 +335,6 @@ fn the_summary_has_predictions_simulations_and_gains() {
         "simulated    2.000 ± 0.010 mm",
         "gain over the intuitive design +25.0 %, +2.56 % at equal area",
         "80.0 % of the best pattern found by gradient search under the same constraints",
-        "(area 0.4, wanted 0.5)",
         "differ by up to 18.7 %: the evaluator is not accurate",
     ] {
         assert!(text.contains(part), "{part}: {text}");
@@ -349,6 +349,76 @@ fn the_summary_has_predictions_simulations_and_gains() {
     assert_eq!(json[0]["rows"][2]["optimum_is"], serde_json::Value::Null);
     assert_eq!(json[0]["rows"][2]["ratio_to_optimum"], serde_json::Value::Null);
     assert!((json[0]["rows"][3]["ratio_to_optimum"].as_f64().unwrap() - 0.78).abs() < 1e-12);
+}
+
+#[test]
+fn gains_are_those_over_intuitive_designs_that_satisfy_the_constraints() {
+    let bench = TestStore::new();
+    let told = |area: &str, statuses: [&str; 4]| {
+        let verified = verified(["converged"; 4]).with("area_target", words(&[area; 4]));
+        let verified = verified.with_long_texts("status", "d", statuses);
+        let made = [bench.made("verified", "verify", &verified)];
+        let summary = bench.run(&made).each("verify", summary::read).unwrap().remove(0);
+        let row = serde_json::to_value(&summary.rows[0]).unwrap();
+        let gains = ["gain_own_area", "gain_equal_area"].map(|key| row[key].is_number());
+        (gains, summary.to_string(), summary.result().text)
+    };
+    let all = ["met"; 4];
+    // At its own area, the intuitive design has 0.4.
+    assert_eq!(told("at most 0.4", all).0, [true, false]);
+    assert_eq!(told("0.5", all).0, [true, true]);
+    let (gains, listed, _) = told("at most 0.39", all);
+    assert_eq!(gains, [false, false]);
+    assert!(listed.contains("(area 0.4000, wanted at most 0.39)"), "{listed}");
+    let ragged = "no rectangle of 3 mm in 2 cells";
+    let (gains, listed, headline) = told("free", ["met", "met", ragged, "met"]);
+    assert_eq!(gains, [false, true]);
+    assert!(
+        listed.contains("gain over the intuitive design +2.56 % at equal area") && listed.contains(ragged),
+        "{listed}"
+    );
+    assert!(
+        headline.contains("+2.56 % over the intuitive design at equal area"),
+        "{headline}"
+    );
+    assert!(!headline.contains("at its own area"), "{headline}");
+    let (gains, listed, headline) = told("free", ["met", "met", ragged, ragged]);
+    assert_eq!(gains, [false, false]);
+    let none = "no intuitive design satisfies the constraints";
+    assert!(listed.contains(none) && headline.contains(none), "{listed}\n{headline}");
+    // What an evaluator cannot predict says nothing about constraints.
+    let (gains, ..) = told("free", ["met", "met", "no stable field", "met"]);
+    assert_eq!(gains, [true, true]);
+}
+
+#[test]
+fn designs_within_their_errors_are_counted() {
+    let bench = TestStore::new();
+    let told = |errors: [f64; 4]| {
+        let mut verified = verified(["converged"; 4]);
+        for (path, values) in [
+            ("component/simulated", [2.0, 1.99, 1.97, 1.5]),
+            ("component/error", errors),
+        ] {
+            verified.datasets.insert(path.into(), floats("mm", &values));
+        }
+        let verified = verified
+            .with("role", words(&["ga", "ga", "ga", "intuitive"]))
+            .with("member", integers(&[1, 2, 0, 0]));
+        let made = [bench.made("verified", "verify", &verified)];
+        let summary = bench.run(&made).each("verify", summary::read).unwrap().remove(0);
+        (summary.clone().sorted(), summary.result().text)
+    };
+    let few = "the best 2 of 3 designs do not differ by more than their errors";
+    let (sorted, headline) = told([0.006; 4]);
+    assert!(
+        sorted.to_string().contains(few) && headline.ends_with(few),
+        "{sorted}\n{headline}"
+    );
+    let members: Vec<u64> = sorted.rows.iter().map(|row| row.member).collect();
+    assert_eq!(members, [0, 1, 2, 0]);
+    let (_, headline) = told([0.004; 4]);
+    assert!(!headline.contains("differ by more"), "{headline}");
 }
 
 #[test]

@@ -87,7 +87,7 @@ fn the_worst_value_is_told(workspace: &Workspace, worst: f64) {
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let page = std::fs::read_to_string(workspace.path("report/index.html")).unwrap();
     let first_screen = &page[..page.find("</section>").unwrap()];
-    let told = format!("worst of the masks: {worst_text}");
+    let told = format!("worst of the masks {worst_text}");
     assert!(first_screen.contains(&told), "{told}: {first_screen}");
     let mut table = csv::Reader::from_path(workspace.path("report/data/designs.csv")).unwrap();
     let header = table.headers().unwrap().clone();

@@ -3,7 +3,9 @@
 
 use super::design::{Comparison, Design, LEAST_MM, SAME_AREA};
 use crate::format::{change, percents, signed, three};
-use deaflow_pattern::Role;
+use deaflow_content::is_met;
+use deaflow_field::NO_FIELD;
+use deaflow_pattern::{Role, largest_area};
 
 /// What a gradient search gives. It is no bound: other starts may find more, and so may other constraints, such as
 /// another area.
@@ -27,6 +29,8 @@ pub(crate) struct Compared<'d> {
     pub value_mm: Option<f64>,
     /// Whether a given displacement is to be reached, so that a larger one is not better.
     pub is_met: bool,
+    /// The area of the target, as written in files.
+    pub area_target: &'d str,
     pub constraints: &'d str,
     pub status: &'d str,
 }
@@ -57,6 +61,7 @@ fn compared(design: &Design) -> Compared<'_> {
         error_mm: design.error_mm,
         value_mm: design.objective.value_mm,
         is_met: design.objective.is_met,
+        area_target: &design.area_target,
         constraints: &design.constraints,
         status: &design.status,
     }
@@ -84,15 +89,37 @@ pub(crate) fn comparison(own: &Compared<'_>, all: &[Compared<'_>]) -> Comparison
         .map(|((_, mm), own_mm)| own_mm - mm);
     let is_compared = ratio.is_some() || difference_mm.is_some();
     let [intuitive_own, intuitive_equal_area] = intuitive.map(|other| other?.simulated_mm);
+    let gains = intuitive.map(|other| gain(own, other?));
+    let violating = intuitive.map(|other| other.is_some_and(|other| !other.is_feasible()));
+    let has_feasible = all.iter().any(|other| other.role.is_intuitive() && other.is_feasible());
+    let has_gain = gains.iter().any(Option::is_some);
     Comparison {
         intuitive_own,
         intuitive_equal_area,
-        gains: intuitive.map(|other| gain(own, other?)),
+        gains: [0, 1].map(|over| gains[over].filter(|_| !violating[over])),
+        violating,
+        is_incomparable: has_gain && !has_feasible,
         optimum: best.map(|(_, mm)| mm),
         ratio,
         difference_mm,
         optimum_is: best.filter(|_| is_compared).map(|(best, _)| best_found(own, best)),
     }
+}
+
+impl Compared<'_> {
+    /// Whether a pattern that is drawn for comparison satisfies the constraints of the target, a largest area among
+    /// them. The intuitive design at its own area need not have the area of the target: a gain over it is stated with
+    /// its area.
+    pub fn is_feasible(&self) -> bool {
+        // Without a field, the evaluator says nothing about constraints.
+        let is_known = !self.status.is_empty() && !self.status.starts_with(NO_FIELD);
+        (!is_known || is_met(self.status)) && !exceeds(self.area, self.area_target)
+    }
+}
+
+/// Whether an area is larger than the largest one of a target.
+pub(crate) fn exceeds(area: f64, target: &str) -> bool {
+    largest_area(target).is_some_and(|largest| area > largest + SAME_AREA)
 }
 
 /// Returns the gain of a pattern over another one; `None` if a given displacement is to be reached, as a larger one is
@@ -116,6 +143,13 @@ impl Comparison {
             }
             (None, None) => None,
         }
+    }
+
+    /// Says that no intuitive design satisfies the constraints; `None` if one does.
+    #[must_use]
+    pub fn without_intuitive(&self) -> Option<&'static str> {
+        self.is_incomparable
+            .then_some("no intuitive design satisfies the constraints")
     }
 
     /// Writes the same as a cell of a table: `97.5 %`, or `−3.00 mm`.

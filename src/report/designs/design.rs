@@ -5,11 +5,13 @@ use std::sync::Arc;
 use super::compare::Gain;
 use super::front::{FrontPlace, OtherObjective};
 use super::objective::{Objective, TargetPoint};
+use super::small_islands::small_islands;
+use super::ties::Place;
 use crate::artifacts::StageArtifact;
 use crate::drawing::{Background, DeformedMembrane};
 use crate::format::mm;
 use crate::intervals::NetworkInterval;
-use deaflow_content::DesignRank;
+use deaflow_content::{DesignRank, is_met};
 use deaflow_field::{Field, OutcomeKind};
 use deaflow_pattern::{Pattern, Role};
 use deaflow_scene::Scene;
@@ -88,8 +90,13 @@ pub struct Comparison {
     pub intuitive_own: Option<f64>,
     /// Of the intuitive design at the area of this one; `None` if there is none with that area.
     pub intuitive_equal_area: Option<f64>,
-    /// Gains over these two; none if a given displacement is to be reached, as a larger one is not better then.
+    /// Gains over these two; none if a given displacement is to be reached, as a larger one is not better then, or over
+    /// a design that violates the constraints.
     pub(crate) gains: [Option<Gain>; 2],
+    /// Whether these two violate the constraints of the target.
+    pub(crate) violating: [bool; 2],
+    /// Whether this design is compared with intuitive designs, but all of them violate the constraints.
+    pub(crate) is_incomparable: bool,
     /// Of the optimum: the best one on the same units, or else the best of all.
     pub optimum: Option<f64>,
     /// The displacement of this design divided by that of the optimum; `None` if a given displacement is to be reached,
@@ -130,6 +137,18 @@ impl Design {
                 (false, DesignRank::predicted(role, status, value))
             }
         }
+    }
+
+    /// Returns its place among the designs of its target; `None` of patterns for comparison, and without a simulation.
+    pub(crate) fn place(&self) -> Option<Place> {
+        let value = self.simulated_mm.filter(|_| self.role.is_found())?;
+        Some(Place {
+            role: self.role,
+            rank: self.rank().1,
+            is_met: is_met(&self.status),
+            value: self.distance_mm.unwrap_or(value),
+            error: self.error_mm,
+        })
     }
 
     /// Returns the simulated or else predicted membrane, in one of several states or in the only one; `None` without a
@@ -184,6 +203,24 @@ impl Design {
         format!("{columns} × {rows} {what}")
     }
 
+    /// Describes them with the option that selects the design, where that is another number, as on membranes with more
+    /// cells: `60 × 60 cells (--units 50)`.
+    #[must_use]
+    pub fn units_with_option(&self) -> String {
+        let text = self.units_text();
+        let units = usize::try_from(self.units);
+        match self.unit_sides().into_iter().all(|side| units == Ok(side)) {
+            true => text,
+            false => format!("{text} (--units {})", self.units),
+        }
+    }
+
+    /// Says how many of its electrodes are smaller than a unit of the genetic algorithm; `None` if none is.
+    #[must_use]
+    pub fn small_islands(&self) -> Option<String> {
+        small_islands(&self.pattern)
+    }
+
     /// Returns the electrode area on the prestretched membrane in mm².
     #[must_use]
     pub fn area_mm2(&self) -> f64 {
@@ -226,18 +263,6 @@ impl Design {
     pub(super) fn set_robust(&mut self, value: Option<f64>) {
         let is_known = self.objective.robust.is_some() && self.predicted_mm.is_some();
         self.robust_mm = value.filter(|_| is_known);
-    }
-
-    /// Says what the value of a robust objective is, with its unit; `None` of other objectives.
-    #[must_use]
-    pub fn robust_text(&self) -> Option<String> {
-        let (words, value) = (self.objective.robust.as_ref()?, self.robust_mm?);
-        Some(format!(
-            "{words}: {} {}{}, as predicted by the search",
-            mm(value),
-            self.objective.unit(),
-            self.objective.angle(value)
-        ))
     }
 
     /// Writes a value; one in another unit than mm with its unit, an arc length with its angle.
@@ -286,6 +311,13 @@ mod tests {
             let mut design = design(Role::Ga, units, None);
             design.pattern = Pattern::from_fn(raster, |_, _| true);
             assert_eq!(design.units_text(), expected);
+            let is_other = columns == 10 || rows == 8;
+            let option = if is_other {
+                format!(" (--units {units})")
+            } else {
+                String::new()
+            };
+            assert_eq!(design.units_with_option(), format!("{expected}{option}"));
         }
     }
 }

@@ -7,12 +7,14 @@ mod membranes;
 mod names;
 mod objective;
 mod read;
+mod small_islands;
 mod statistics;
+mod ties;
 
 #[cfg(test)]
 pub(super) use {compare::tests, front::FrontPlace};
 
-pub(super) use compare::{Compared, Gain, comparison, prediction_error};
+pub(super) use compare::{Compared, Gain, comparison, exceeds, prediction_error};
 pub use deaflow_pattern::Role;
 pub(super) use design::Comparison;
 pub use design::{Design, LEAST_MM, StateField};
@@ -22,7 +24,9 @@ pub(super) use membranes::membranes;
 pub(super) use names::is_swept;
 pub use objective::{Objective, TargetMotion, quantity};
 pub use read::designs;
+pub(super) use small_islands::small_islands;
 pub use statistics::{DesignStatistics, Extreme};
+pub(super) use ties::{Place, without_difference};
 
 /// Returns the role as in tables and files: both intuitive designs have the same word.
 pub(super) fn role_word(role: Role) -> &'static str {

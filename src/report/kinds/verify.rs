@@ -31,6 +31,7 @@ impl Presenter for VerifyPresenter {
     fn results(&self, run: &RunArtifacts<'_>) -> Result<Vec<Results>, ReportError> {
         let summaries = run.each(self.kind(), read)?;
         let rounds = by_round(run.rounds, &summaries);
+        let summaries: Vec<VerificationSummary> = summaries.into_iter().map(VerificationSummary::sorted).collect();
         let in_time = in_time(run)?;
         Ok(vec![
             Results::new(

@@ -4,11 +4,11 @@ use maud::{Markup, html};
 
 use super::cards::{FOLDER, deformed, pattern, rest, simulated};
 use super::sweep::{VoltageSweep, moving};
-use crate::designs::{Design, OtherObjective, Role, point_words};
+use crate::designs::{Design, OtherObjective, Place, Role, point_words, without_difference};
 use crate::drawing::{DeformedMembrane, Sheet, exaggeration};
 use crate::format::{mm, percents, three};
-use crate::summary::best as best_of;
 use deaflow_base::no_break_units;
+use deaflow_content::best_design as best_of;
 use deaflow_field::CHARGE_UNIT;
 
 /// What a report begins with.
@@ -50,7 +50,11 @@ impl<'d> Best<'d> {
         match self {
             Self::Design(design) => {
                 let has_others = all.iter().any(|other| !other.has_same_target(design));
-                facts(design, has_others.then_some(all))
+                let mut facts = facts(design, has_others.then_some(all));
+                let alike = all.iter().filter(|other| other.has_same_target(design));
+                let places: Vec<Place> = alike.filter_map(Design::place).collect();
+                facts.extend(without_difference(&places));
+                facts
             }
             Self::Front(points) => front_facts(points, all),
         }
@@ -82,7 +86,7 @@ pub fn best_design(designs: &[Design]) -> Option<&Design> {
     let found = designs
         .iter()
         .filter(|design| design.role.is_found() && design.has_same_target(first));
-    best_of(found.map(|design| (design, design.rank())))
+    best_of(found.map(|design| (design.rank(), design)))
 }
 
 /// Returns the first design of a search, which has the first target.
@@ -283,12 +287,14 @@ pub(crate) fn facts(design: &Design, all: Option<&[Design]>) -> Vec<String> {
         None => of,
         Some(_) => format!("{}: {of}", design.target),
     });
-    facts.extend(design.robust_text());
+    let robust = design.objective.robust_text(design.robust_mm);
+    facts.extend(robust.map(|text| format!("{text}, as predicted by the search")));
     facts.push(format!("electrode on {} of the membrane", percents(design.area)));
     let over = |gain: Option<String>, text: &str| Some(format!("{} over the intuitive design {text}", gain?));
     let [own, equal] = design.gain_texts();
     facts.extend(over(equal, "of the same area"));
     facts.extend(over(own, "at its own area"));
+    facts.extend(design.compared.without_intuitive().map(str::to_owned));
     facts.extend(design.to_optimum());
     if design.simulated_mm.is_none() {
         facts.push("not verified by finite elements on two meshes".to_owned());
@@ -303,6 +309,7 @@ pub(crate) fn facts(design: &Design, all: Option<&[Design]>) -> Vec<String> {
     if !matches!(design.status.as_str(), "" | "met") {
         facts.push(format!("not met: {}", design.status));
     }
+    facts.extend(design.small_islands());
     if all.is_some() {
         facts.push("the designs of the other targets are below".to_owned());
     }

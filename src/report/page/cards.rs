@@ -165,6 +165,10 @@ fn rows(design: &Design) -> Markup {
         let value = value.filter(|_| shown)?;
         Some((name, design.number(value), gain.unwrap_or_default()))
     };
+    let [gain_own, gain_equal] = [(gain_own, 0), (gain_equal, 1)].map(|(gain, over)| match compared.violating[over] {
+        true => Some("violates constraints".to_owned()),
+        false => gain,
+    });
     let error = design.prediction_error().map_or_else(String::new, change);
     let predicted = design
         .predicted_mm
@@ -236,6 +240,12 @@ pub(super) fn simulated(design: &Design) -> Option<String> {
 /// Returns the remarks on a design, with their classes.
 fn remarks(design: &Design) -> Vec<(&'static str, String)> {
     let mut remarks = simulation_remarks(design);
+    remarks.extend(
+        design
+            .small_islands()
+            .filter(|_| design.role.is_found())
+            .map(|text| ("note", text)),
+    );
     match design.status.as_str() {
         "" => {}
         "met" if design.role.is_found() => remarks.push(("good", "Constraints met".to_owned())),
