@@ -86,7 +86,7 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
     }
     let folder = arguments.output.as_deref();
     let report = folder
-        .map(|folder| write_report(&store, &history, folder, voltage_sweep))
+        .map(|folder| write_report(&store, &history, folder, |designs| voltage_sweep(designs, &pipeline)))
         .transpose()?;
     sheet.iter().try_for_each(sheet::PreparedSheet::write)?;
     let missing: Vec<&str> = history.missing().iter().map(|stage| stage.name.as_str()).collect();

@@ -39,7 +39,7 @@ pub use artifacts::{ArtifactReader, RunArtifacts, StageArtifact};
 pub use background_figures::BackgroundFigures;
 pub use designs::{Design, Objective, designs};
 pub use error::ReportError;
-pub use fabrication::FabricationSheet;
+pub use fabrication::{FabricationSheet, VoltageLimits};
 pub use figure_files::{FigureFile, figures_of, remove_figures};
 pub use format::{bytes, file_name, mm_measured, number, seconds, set_options, shell_word, three};
 pub use headline::headlines;

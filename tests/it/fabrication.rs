@@ -177,6 +177,10 @@ fn a_sheet_is_true_to_scale_and_says_what_to_make_and_to_expect() {
         "membrane 1 mm thick, 0.11111 mm on the frame; prestretch 3",
         "shear_modulus: 45 kPa",
         "effects simulated: none",
+        "20 × 20 cells (--units 50)",
+        "largest voltage: about",
+        "electric field at 5.25 kV:",
+        "of the breakdown field (that of VHB 4910, as the scene has none)",
     ] {
         assert!(text.contains(part), "{part}: {text}");
     }

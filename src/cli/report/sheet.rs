@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::ReportArguments;
+use super::voltage_sweep::voltage_limits;
 use crate::neglected::neglected_effects;
 use crate::progress::ProgressMode;
 use crate::{CliError, write};
@@ -48,6 +49,7 @@ impl PreparedSheet {
             history,
             design,
             neglected: &neglected,
+            voltages: voltage_limits(design, pipeline),
             scene_file: has_scene_of(pipeline, design).then_some(history.path.as_str()),
         };
         Ok(Self {

@@ -1,5 +1,6 @@
 //! The fabrication sheet of a design: one page of A4 for the person who makes and measures it.
 
+mod limits;
 mod mask;
 mod measurement;
 
@@ -19,6 +20,7 @@ use super::page::scene::scene_rows;
 use super::summary::design_title;
 use deaflow_base::{Canonical, no_break_units, printable, software};
 use deaflow_content::Verification;
+pub use limits::VoltageLimits;
 use mask::{PrintedMask, Room};
 use measurement::HandTable;
 
@@ -44,6 +46,8 @@ pub struct FabricationSheet<'a> {
     pub design: &'a Design,
     /// The effects that the simulation of the design neglects, a line each.
     pub neglected: &'a [String],
+    /// The voltages up to which it can be driven; `None` if they were not computed, as of devices with several states.
+    pub voltages: Option<VoltageLimits>,
     /// The file with the scene of the design; `None` if there is no such file.
     pub scene_file: Option<&'a str>,
 }
@@ -113,7 +117,7 @@ impl FabricationSheet<'_> {
                 h1 { (self.title()) }
                 p {
                     "Fabrication sheet · pipeline " b { (history.pipeline) } " · stage " b { (design.made.stage) }
-                    " · " (design.units_text()) " · " (software())
+                    " · " (design.units_with_option()) " · " (software())
                 }
                 p.mono { "artifact " (design.made.digest) }
             }
@@ -171,6 +175,10 @@ impl FabricationSheet<'_> {
                 number(scene.prestretched_thickness_mm())
             ),
         ];
+        lines.extend(match &self.voltages {
+            Some(limits) => limits.lines(),
+            None => vec!["largest voltage: not computed for this device".to_owned()],
+        });
         let stage = self.history.stages.iter().find(|stage| stage.name == design.made.stage);
         let written = stage.map_or(&[][..], |stage| &stage.scene);
         let rows = scene_rows(scene, &self.effects()?, written).into_iter();
