@@ -65,6 +65,8 @@ pub struct ServerState {
     allow_run: bool,
     own_scene: Option<NamedScene>,
     first_pattern: Vec<Vec<u8>>,
+    /// What its reader did that a user should know.
+    pattern_notes: Vec<String>,
     notes: Vec<String>,
     store: Mutex<Option<Arc<Store>>>,
     scenes: Mutex<Vec<NamedScene>>,
@@ -106,22 +108,11 @@ impl ServerState {
         if let (Some(path), Some(own)) = (&options.scene, &own_scene) {
             add(path, own.notes.as_ref());
         }
-        let first_pattern = match (&options.pattern, &own_scene) {
-            (Some(pattern), Some(own)) => {
-                let found = direct::patterns(
-                    std::slice::from_ref(pattern),
-                    own.scene.form(),
-                    &DrawingOptions::default(),
-                )?
-                .patterns;
-                let columns = own.scene.form().raster.columns();
-                let rows = found
-                    .first()
-                    .map(|one| one.cells().chunks(columns).map(<[u8]>::to_vec).collect());
-                rows.unwrap_or_default()
-            }
-            _ => Vec::new(),
+        let (first_pattern, pattern_notes) = match (&options.pattern, &own_scene) {
+            (Some(pattern), Some(own)) => first_pattern(pattern, &own.scene)?,
+            _ => Default::default(),
         };
+        notes.extend(pattern_notes.iter().cloned());
         let example = |(name, scene)| NamedScene {
             name,
             scene,
@@ -135,6 +126,7 @@ impl ServerState {
             allow_run: options.allow_run,
             own_scene,
             first_pattern,
+            pattern_notes,
             notes,
             store: Mutex::default(),
             scenes: Mutex::default(),
@@ -152,7 +144,7 @@ impl ServerState {
         Ok(state)
     }
 
-    /// Says how numbers without a unit in the files of the options were read.
+    /// Says how numbers without a unit in the files of the options were read, and how the pattern was.
     #[must_use]
     pub fn notes(&self) -> &[String] {
         &self.notes
@@ -302,8 +294,25 @@ impl ServerState {
             "folder": std::env::current_dir().ok(),
             "allow_run": self.allow_run,
             "pattern": self.first_pattern,
+            "pattern_notes": self.pattern_notes,
         })
     }
+}
+
+/// Reads the first pattern of an argument row by row, and what its reader did that a user should know.
+fn first_pattern(argument: &str, scene: &Scene) -> Result<(Vec<Vec<u8>>, Vec<String>), InputError> {
+    let form = scene.form();
+    let found = direct::patterns(&[argument.to_owned()], form, &DrawingOptions::default())?;
+    let columns = form.raster.columns();
+    let rows = |pattern: &Pattern| pattern.cells().chunks(columns).map(<[u8]>::to_vec).collect();
+    let others = match found.patterns.len() {
+        0 | 1 => None,
+        count => Some(format!(
+            "{argument}: the file has {count} patterns; the first one is opened"
+        )),
+    };
+    let notes = found.notes.into_iter().chain(others).collect();
+    Ok((found.patterns.first().map(rows).unwrap_or_default(), notes))
 }
 
 /// Critical voltages that are kept.

@@ -57,7 +57,7 @@ async function opened(name, rest, query, place) {
       const pattern = start.pattern;
       // The pattern of the command line is only for the first drawing.
       start.pattern = [];
-      return sketchpad(place, { pattern, query });
+      return sketchpad(place, { pattern, query, notes: pattern.length ? start.pattern_notes : [] });
     }
     case "runs":
       if (rest[0] === "compare") return compareView(place, rest.slice(1));

@@ -73,7 +73,7 @@ export function prepared(canvas, ratio) {
 /**
  * Draws the cells of a pattern.
  * @param {HTMLCanvasElement} canvas @param {Pattern} pattern
- * @param {{ratio?: number, grid?: boolean, parts?: number[]|null, cursor?: [number, number]|null, heat?: ArrayLike<number>|null, point?: [number, number]|null, direction?: number, sides?: Supports|null, moved?: {pattern: Pattern, displacement: Float32Array, size: [number, number], scale: number}|null}} [more]
+ * @param {{ratio?: number, grid?: boolean, parts?: number[]|null, borders?: Borders|null, cursor?: [number, number]|null, heat?: ArrayLike<number>|null, point?: [number, number]|null, direction?: number, sides?: Supports|null, moved?: {pattern: Pattern, displacement: Float32Array, size: [number, number], scale: number}|null}} [more]
  */
 export function drawPattern(canvas, pattern, more = {}) {
   remember(canvas, () => drawPattern(canvas, pattern, more));
@@ -122,13 +122,15 @@ export function drawPattern(canvas, pattern, more = {}) {
     }
     context.globalAlpha = 1;
   } else {
-    const groups = pattern.cells.reduce((most, value) => Math.max(most, value), 0);
+    const drawn = more.borders && more.parts ? extended(pattern, more.parts) : pattern;
+    const groups = drawn.cells.reduce((most, value) => Math.max(most, value), 0);
     for (let group = 1; group <= groups; group += 1) {
       context.fillStyle = groupColour(group);
-      for (let y = 0; y < rows; y += 1) runs(pattern, y, group, (from, to) => rectangle(from, to, y));
+      for (let y = 0; y < rows; y += 1) runs(drawn, y, group, (from, to) => rectangle(from, to, y));
     }
   }
-  if (more.parts) {
+  if (more.borders) drawBorders(context, more.borders, (/** @type {[number, number]} */ [x, y]) => [x * width, (1 - y) * height]);
+  else if (more.parts) {
     more.parts.forEach((part, at) => {
       if (!part) return;
       context.fillStyle = part === 1 ? FRAME : BODY;
@@ -153,8 +155,9 @@ export function drawPattern(canvas, pattern, more = {}) {
     const { pattern: own, displacement, size: [across, up], scale } = more.moved;
     const [px, py] = cornersOf(own, displacement, (x, y, u, v) => [((x * across) / columns + scale * u) * (width / across), height - ((y * up) / rows + scale * v) * (height / up)]);
     // A light edge makes the line visible on electrodes.
-    outline(context, own, px, py, "#fff", 3.5);
-    outline(context, own, px, py, colour(canvas, "--moved"), 1.5);
+    const curved = more.borders ? more.parts : null;
+    outline(context, own, px, py, "#fff", 3.5, curved);
+    outline(context, own, px, py, colour(canvas, "--moved"), 1.5, curved);
   }
   if (more.point) arrow(context, more.point[0] * width, height - more.point[1] * height, more.direction ?? 0, ARROW * width);
   if (more.cursor) {
@@ -162,6 +165,42 @@ export function drawPattern(canvas, pattern, more = {}) {
     context.lineWidth = 2;
     context.strokeRect(more.cursor[0] * dx, (rows - 1 - more.cursor[1]) * dy, dx, dy);
   }
+}
+
+/**
+ * The borders of frame and bodies where elements follow curves, as closed polygons in shares of the sides of the membrane.
+ * @typedef {{opening: [number, number][][]|null, bodies: [number, number][][][]}} Borders
+ */
+
+/**
+ * A pattern whose electrodes reach below frame and bodies: what the curves do not cover of a cell is membrane.
+ * @param {Pattern} pattern @param {number[]} parts
+ */
+function extended(pattern, parts) {
+  const { columns, rows, cells } = pattern;
+  const wider = cells.slice();
+  parts.forEach((part, at) => {
+    if (!part) return;
+    const [x, y] = [at % columns, Math.floor(at / columns)];
+    for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]]) {
+      const [left, low] = [x + dx, y + dy];
+      if (left < 0 || low < 0 || left >= columns || low >= rows || parts[low * columns + left]) continue;
+      wider[at] ||= cells[low * columns + left];
+    }
+  });
+  return new Pattern(columns, rows, wider);
+}
+
+/** Fills the frame and the bodies. @param {CanvasRenderingContext2D} context @param {Borders} borders @param {(share: [number, number]) => [number, number]} place of a point */
+function drawBorders(context, { opening, bodies }, place) {
+  const fill = (/** @type {[number, number][][]} */ rings, /** @type {string} */ style) => {
+    const path = new Path2D();
+    for (const own of rings) ring(path, own.map(place));
+    context.fillStyle = style;
+    context.fill(path, "evenodd");
+  };
+  if (opening) fill([[[0, 0], [1, 0], [1, 1], [0, 1]], ...opening], FRAME);
+  for (const body of bodies) fill(body, BODY);
 }
 
 /** Adds a closed polygon to a path. @param {Path2D|CanvasRenderingContext2D} path @param {number[][]} corners */
@@ -283,7 +322,7 @@ const images = new WeakMap();
 /**
  * Draws the deformed membrane with coloured cells. Cells are filled pixel by pixel, which is several times faster than paths.
  * @param {HTMLCanvasElement} canvas @param {Pattern} pattern @param {Float32Array|null} displacement corners, mm
- * @param {{size: [number, number], scale?: number, values?: ArrayLike<number>|null, signed?: boolean, low?: number, high?: number, parts?: number[]|null, sides?: Supports|null, point?: [number, number]|null, direction?: number}} more
+ * @param {{size: [number, number], scale?: number, values?: ArrayLike<number>|null, signed?: boolean, low?: number, high?: number, parts?: number[]|null, borders?: Borders|null, sides?: Supports|null, point?: [number, number]|null, direction?: number}} more
  */
 export function drawMembrane(canvas, pattern, displacement, more) {
   remember(canvas, () => drawMembrane(canvas, pattern, displacement, more));
@@ -307,21 +346,26 @@ export function drawMembrane(canvas, pattern, displacement, more) {
     quad(image.width, image.height, pixels, value, px, py, at, at + columns + 1);
   };
   const parts = more.parts ?? null;
+  const drawn = more.borders && parts && !pattern.shapes ? extended(pattern, parts) : pattern;
   if (more.values) {
     const [low, high] = more.low !== undefined && more.high !== undefined ? [more.low, more.high] : range(more.values);
     const colours = (more.signed ? SIGNED : SEQUENTIAL).map(pixel);
     steps(more.values, low, high).forEach((step, cell) => fill(cell, colours[step]));
   } else {
     const colours = [colour(canvas, "--paper"), ...Array.from({ length: 16 }, (_, group) => groupColour(group + 1))].map(pixel);
-    pattern.cells.forEach((value, cell) => fill(cell, colours[value] ?? colours[1]));
+    drawn.cells.forEach((value, cell) => fill(cell, colours[value] ?? colours[1]));
   }
-  if (parts) {
+  if (parts && !more.borders) {
     const colours = [0, pixel(FRAME), pixel(BODY)];
     parts.forEach((part, cell) => part && fill(cell, colours[part]));
   }
   context.putImageData(image, 0, 0);
   if (dense !== 1) for (let at = 0; at < corners; at += 1) [px[at], py[at]] = [px[at] / dense, py[at] / dense];
-  if (more.values) outline(context, pattern, px, py);
+  if (more.values) outline(context, drawn, px, py);
+  if (more.borders) {
+    const placement = new Placement(canvas, more.size, pattern, displacement, scale);
+    drawBorders(context, more.borders, ([x, y]) => placement.of([x * sizeX, y * sizeY]));
+  }
   context.strokeStyle = FRAME;
   // Where sides are not held, this is the mount.
   context.lineWidth = more.sides ? 0.5 : 2;
@@ -455,8 +499,8 @@ function quad(width, height, pixels, value, px, py, low, high) {
   }
 }
 
-/** Draws the edges of electrodes. @param {CanvasRenderingContext2D} context @param {Pattern} pattern @param {Float32Array} px @param {Float32Array} py @param {string} [style] @param {number} [thick] */
-function outline(context, pattern, px, py, style = "rgba(255,255,255,.75)", thick = 1) {
+/** Draws the edges of electrodes, but not those at cells of frame and bodies whose borders are curves. @param {CanvasRenderingContext2D} context @param {Pattern} pattern @param {Float32Array} px @param {Float32Array} py @param {string} [style] @param {number} [thick] @param {number[]|null} [curved] */
+function outline(context, pattern, px, py, style = "rgba(255,255,255,.75)", thick = 1, curved = null) {
   const { columns, rows, cells } = pattern;
   const at = (/** @type {number} */ x, /** @type {number} */ y) => (x < 0 || y < 0 || x >= columns || y >= rows ? 0 : cells[y * columns + x]);
   context.beginPath();
@@ -482,8 +526,9 @@ function outline(context, pattern, px, py, style = "rgba(255,255,255,.75)", thic
   for (let y = 0; y <= rows; y += 1) {
     for (let x = 0; x <= columns; x += 1) {
       const corner = y * (columns + 1) + x;
-      if (x < columns && at(x, y) !== at(x, y - 1)) edge(corner, corner + 1);
-      if (y < rows && at(x, y) !== at(x - 1, y)) edge(corner, corner + columns + 1);
+      const cell = y * columns + x;
+      if (x < columns && at(x, y) !== at(x, y - 1) && !curved?.[cell] && !curved?.[cell - columns]) edge(corner, corner + 1);
+      if (y < rows && at(x, y) !== at(x - 1, y) && !(x < columns && curved?.[cell]) && !(x && curved?.[cell - 1])) edge(corner, corner + columns + 1);
     }
   }
   context.stroke();

@@ -69,7 +69,7 @@ export function gallery(pad) {
     const pattern = drawn();
     const canvas = h("canvas", { "aria-hidden": "true" });
     // The canvas has its width once it is on the page.
-    requestAnimationFrame(() => drawPattern(canvas, pattern, { ratio: scene.size_mm[1] / scene.size_mm[0], parts: scene.parts }));
+    requestAnimationFrame(() => drawPattern(canvas, pattern, { ratio: scene.size_mm[1] / scene.size_mm[0], parts: scene.parts, borders: scene.borders }));
     const open = () => (scene === pad.scene ? pad.pen.become(drawn()) : pad.reopen({ scene: scene.name, pattern: pattern.asRows() }));
     return h("button", { type: "button", class: "card", "data-gallery": name, onclick: open }, canvas, words);
   };

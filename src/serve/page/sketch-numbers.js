@@ -33,6 +33,17 @@ export function meshWords(elements, order) {
   return `${elements} ${order === 1 ? "bilinear" : "biquadratic"} element${elements === 1 ? "" : "s"} along a cell`;
 }
 
+/**
+ * A number with its name. @param {string} name @param {string} title @param {string} text @param {string} unit @param {number|null} [exact]
+ * @param {string|null} [about] what is shown over it
+ */
+function entry(name, title, text, unit, exact = null, about = null) {
+  return [
+    h("dt", {}, title),
+    h("dd", { id: name, title: about ?? (exact === null ? null : `${exact} ${unit}`.trim()), "data-value": exact === null ? null : String(exact) }, text, unit && text !== "–" ? h("span", { class: "soft" }, ` ${unit}`) : null),
+  ];
+}
+
 export class Numbers {
   /** @param {any} pad */
   constructor(pad) {
@@ -89,14 +100,22 @@ export class Numbers {
     replace(this.command, h("p", { class: "small soft" }, "This command prints the same displacements with all digits; save the pattern as csv under Files, in the folder of the terminal:"), copyable(this.reproduced.command));
   }
 
+  /** Shows the numbers of a state of a sweep in place of those of the drawing. @param {{voltage: number, largest: number, value: number|null, breakdown: number|null}} state @param {boolean} isAssumed whether the breakdown field is not that of the scene */
+  play({ voltage, largest, value, breakdown }, isAssumed) {
+    replace(
+      this.results,
+      entry("swept", "voltage of the sweep", number(voltage, 4), "V", voltage),
+      entry("max-displacement", "largest displacement", number(largest), "mm", largest),
+      value === null ? null : entry("value", "value at the point", number(Math.abs(value) < ROUNDING ? 0 : value), "mm", value),
+      breakdown === null ? null : entry("breakdown", `largest field over breakdown strength${isAssumed ? " (of VHB 4910, as the scene has none)" : ""}`, number(breakdown, 3), "", breakdown),
+    );
+    replace(this.notice);
+  }
+
   show() {
     const { pad } = this;
     const { document: found, quick, took } = pad.shown;
     if (quick) this.took = took;
-    const entry = (/** @type {string} */ name, /** @type {string} */ title, /** @type {string} */ text, /** @type {string} */ unit, /** @type {number|null} */ exact = null, /** @type {string|null} */ about = null) => [
-      h("dt", {}, title),
-      h("dd", { id: name, title: about ?? (exact === null ? null : `${exact} ${unit}`.trim()), "data-value": exact === null ? null : String(exact) }, text, unit && text !== "–" ? h("span", { class: "soft" }, ` ${unit}`) : null),
-    ];
     const against = pad.target === null || found.value === null ? null : compareWithTarget(found.value, pad.target, quick ? 0 : found.error ?? 0);
     // A quick answer has no error yet.
     const known = quick ? null : found.error;

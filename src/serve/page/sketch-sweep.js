@@ -18,8 +18,9 @@ export class Sweep {
   /** @param {any} pad */
   constructor(pad) {
     this.pad = pad;
-    /** @type {{key: string, points: any[], displacement: Float32Array, pattern: any, critical: number|null}|null} */ this.found = null;
-    /** Whether the membrane shows the sweep. */ this.isPlaying = false;
+    /** @type {{key: string, points: any[], displacement: Float32Array, pattern: any, critical: number|null, error: number, isAssumed: boolean}|null} */ this.found = null;
+    /** Whether membrane and numbers show the sweep. */ this.isPlaying = false;
+    /** Whether the error of the drawing is known, whose numbers are shown at the end. */ this.isSettled = false;
     this.timer = 0;
     this.still = window.matchMedia("(prefers-reduced-motion: reduce)");
   }
@@ -51,7 +52,7 @@ export class Sweep {
         const pattern = pad.pattern.copy();
         const { document: found, arrays } = await frame("sketch/sweep", { body: { ...pad.body(true), fields: [] }, signal: request.signal });
         if (pad.ended || pad.setupKey() !== key) return;
-        this.found = { key, points: found.points, displacement: /** @type {Float32Array} */ (arrays.displacement.data), pattern, critical: found.critical_voltage };
+        this.found = { key, points: found.points, displacement: /** @type {Float32Array} */ (arrays.displacement.data), pattern, critical: found.critical_voltage, error: found.critical_voltage_error ?? 0, isAssumed: found.breakdown_assumed };
       });
       if (this.request !== request) return;
       this.request = null;
@@ -75,6 +76,8 @@ export class Sweep {
     if (!this.isPlaying) return;
     this.isPlaying = false;
     this.pad.drive.show();
+    this.pad.showNumbers();
+    this.pad.numbers.results.dataset.settled = String(this.isSettled);
     this.pad.soon();
     this.mark();
   }
@@ -82,6 +85,10 @@ export class Sweep {
   run() {
     const found = /** @type {NonNullable<typeof this.found>} */ (this.found);
     this.isPlaying = true;
+    // The numbers are those of the sweep.
+    const { dataset } = this.pad.numbers.results;
+    this.isSettled = dataset.settled === "true";
+    dataset.settled = "false";
     this.play.textContent = "■ Stop";
     const last = found.points[found.points.length - 1].voltage;
     const began = performance.now();
@@ -110,20 +117,42 @@ export class Sweep {
   /** Shows the membrane at a voltage of the sweep. @param {number} voltage @param {boolean} isEnd */
   showAt(voltage, isEnd) {
     const { pad } = this;
-    const { points, displacement, pattern, critical } = /** @type {NonNullable<typeof this.found>} */ (this.found);
+    const { points, displacement, pattern, critical, isAssumed } = /** @type {NonNullable<typeof this.found>} */ (this.found);
     const [low, share] = this.between(voltage);
+    const of = (/** @type {string} */ name) => (points[low][name] === null || points[low + 1][name] === null ? null : (1 - share) * points[low][name] + share * points[low + 1][name]);
     const each = displacement.length / points.length;
     const moved = new Float32Array(each);
     for (let at = 0, from = low * each; at < each; at += 1, from += 1) moved[at] = (1 - share) * displacement[from] + share * displacement[from + each];
-    const { size_mm: size, parts, sides } = pad.scene;
+    const { size_mm: size, parts, borders, sides } = pad.scene;
     const values = magnitudes(moved, pattern.columns, pattern.rows);
-    drawMembrane(pad.membrane, pattern, moved, { size, scale: pad.scale, values, parts, sides, low: 0, high: points[points.length - 1].max_displacement, point: pad.point, direction: pad.direction });
+    drawMembrane(pad.membrane, pattern, moved, { size, scale: pad.scale, values, parts, borders, sides, low: 0, high: points[points.length - 1].max_displacement, point: pad.point, direction: pad.direction });
     if (pad.narrow.matches) pad.drawPad({ pattern, displacement: moved });
     pad.drive.show(Math.round(voltage));
-    const end = critical === null ? `end of the sweep, ${kilovolts(voltage)}` : `pull-in: no stable state above ${kilovolts(voltage)}`;
-    pad.legend.textContent = isEnd ? end : `${kilovolts(voltage)}: at most ${number((1 - share) * points[low].max_displacement + share * points[low + 1].max_displacement, 3)} mm`;
-    pad.legend.classList.toggle("error", isEnd && critical !== null);
+    const state = { voltage, largest: /** @type {number} */ (of("max_displacement")), value: of("value"), breakdown: of("breakdown_ratio") };
+    pad.numbers.play(state, isAssumed);
+    pad.line.textContent = state.value === null ? `largest ${number(state.largest)} mm` : `value ${number(state.value)} mm, largest ${number(state.largest)} mm`;
+    const end = critical === null ? `end of the sweep, ${kilovolts(voltage)}` : this.pullIn(voltage);
+    const field = state.breakdown === null ? "" : state.breakdown < 1 ? `, field ${number(100 * state.breakdown, 3)} % of breakdown` : ", above the breakdown field";
+    pad.legend.textContent = isEnd ? `${end}${field}` : `${kilovolts(voltage)}: at most ${number(state.largest, 3)} mm${field}`;
+    pad.legend.classList.toggle("error", (isEnd && critical !== null) || (state.breakdown ?? 0) >= 1);
     this.mark(voltage, isEnd && critical !== null);
+  }
+
+  /** Says where the membrane pulls in: at the limit beside the voltage, unless this mesh alone loses stability clearly before. @param {number} voltage */
+  pullIn(voltage) {
+    const { critical, error } = /** @type {NonNullable<typeof this.found>} */ (this.found);
+    const isOwn = critical !== null && voltage < critical - error;
+    return isOwn ? `pull-in on this mesh: no stable state above ${kilovolts(voltage)}` : "pull-in: no stable state above the limit";
+  }
+
+  /** The voltage at which the electric field reaches the breakdown field; null if it stays below. @returns {number|null} */
+  breakdownVoltage() {
+    const { points } = /** @type {NonNullable<typeof this.found>} */ (this.found);
+    const at = points.findIndex((point) => point.breakdown_ratio >= 1);
+    if (at < 1) return at === 0 ? points[0].voltage : null;
+    const [from, to] = [points[at - 1], points[at]];
+    const share = (1 - from.breakdown_ratio) / (to.breakdown_ratio - from.breakdown_ratio);
+    return from.voltage + share * (to.voltage - from.voltage);
   }
 
   /** @param {number} voltage @returns {[number, number]} */
@@ -140,13 +169,15 @@ export class Sweep {
   /** Draws the curve. */
   draw() {
     const found = /** @type {NonNullable<typeof this.found>} */ (this.found);
-    const { points, critical } = found;
+    const { points, critical, isAssumed } = found;
     const last = points[points.length - 1];
+    const broken = this.breakdownVoltage();
+    const brokenAt = broken === null ? 0 : this.place(broken)[0];
     const line = points.map((point) => this.place(point.voltage).map((at) => at.toFixed(1)).join(",")).join(" ");
     const [end] = this.place(last.voltage);
     const floor = HEIGHT - BOTTOM;
     this.dot = svg("circle", { r: 5, class: "dot" });
-    const label = `Largest displacement over the voltage: ${number(last.max_displacement, 3)} mm at ${kilovolts(last.voltage)}${critical === null ? "" : ", where the membrane pulls in"}`;
+    const label = `Largest displacement over the voltage: ${number(last.max_displacement, 3)} mm at ${kilovolts(last.voltage)}${critical === null ? "" : ", where the membrane pulls in"}${broken === null ? "" : `; the electric field reaches the breakdown field at ${kilovolts(broken)}`}`;
     replace(
       this.box,
       svg(
@@ -156,6 +187,8 @@ export class Sweep {
         svg("line", { x1: LEFT, x2: WIDTH - RIGHT, y1: floor, y2: floor, class: "axis" }),
         svg("line", { x1: LEFT, x2: LEFT, y1: TOP, y2: floor, class: "axis" }),
         svg("polyline", { points: line, class: "line" }),
+        broken === null ? null : svg("line", { class: "broken", x1: brokenAt, x2: brokenAt, y1: TOP, y2: floor }),
+        broken === null ? null : svg("text", { x: brokenAt - 4, y: TOP + 5, "text-anchor": "end", class: "broken" }, `breakdown field${isAssumed ? " (VHB 4910)" : ""}, ${kilovolts(broken)}`),
         svg("text", { x: 2, y: 12 }, "largest displacement, mm"),
         svg("text", { x: LEFT - 5, y: TOP + 5, "text-anchor": "end" }, number(last.max_displacement, 3)),
         svg("text", { x: LEFT - 5, y: floor, "text-anchor": "end" }, "0"),
@@ -181,6 +214,7 @@ export class Sweep {
 
   /** Stops, and turns the curve grey if it is that of another drawing. */
   check() {
+    this.isSettled = false;
     this.stop();
     if (!this.box || !this.found) return;
     this.box.classList.toggle("old", this.found.key !== this.pad.setupKey());

@@ -81,7 +81,8 @@ export class Voltage {
   /** Shows a voltage, which is that of the drawing unless another one is played. @param {number} [value] */
   show(value = this.pad.voltage) {
     if (!this.range) return;
-    this.range.max = String(Math.max(this.pad.mostVoltage(), value));
+    // It only grows, so that the handle stays where it is.
+    this.range.max = String(Math.max(this.pad.mostVoltage(), value, Number(this.range.max)));
     this.range.value = String(value);
     // The text that somebody is writing stays.
     if (document.activeElement !== this.field) this.field.value = volts(value);

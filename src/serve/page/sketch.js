@@ -38,7 +38,7 @@ const COLOURINGS = {
 const NARROW = "(max-width: 49.99rem)";
 
 /**
- * @typedef {{pattern?: number[][], scene?: string, query?: URLSearchParams}} First what the sketchpad opens with
+ * @typedef {{pattern?: number[][], scene?: string, query?: URLSearchParams, notes?: string[]}} First what the sketchpad opens with
  * @param {HTMLElement} view @param {First} first @returns {Promise<() => void>} a function that ends it
  */
 export async function sketchpad(view, first = {}) {
@@ -57,6 +57,7 @@ class Sketchpad {
     /** @type {any[]} */ this.refused = refused;
     /** Time limit of a request, s. */ this.limit = limit;
     /** Time of a solution here, with these effects, relative to its price. */ this.pace = 1;
+    /** What the reader of the first pattern did. @type {string[]} */ this.notes = first.notes ?? [];
     /** What is wrong with the link of the address. @type {any} */ this.linkError = null;
     const link = this.linkOf(first);
     this.scene = link?.scene ?? [...scenes, ...examples].find((scene) => scene.name === first.scene) ?? scenes[0];
@@ -172,11 +173,12 @@ class Sketchpad {
     this.changed(true);
   }
 
-  /** How numbers without a unit in the scene were read, and scenes that cannot be used, with their errors. */
+  /** How numbers without a unit in the scene were read, how the first pattern was, and scenes that cannot be used, with their errors. */
   refusals() {
     const one = (/** @type {any} */ { path, error }) => h("details", { class: "small refused", open: true }, h("summary", {}, h("span", { class: "error" }, "invalid scene: "), h("span", { class: "mono" }, near(path))), problem(error));
     const note = this.scene.note ? h("p", { class: "small warning", id: "scene-note" }, this.scene.note) : null;
-    return h("div", {}, note, this.refused.map(one));
+    const read = this.notes.map((text) => h("p", { class: "small warning", "data-note": "pattern" }, text));
+    return h("div", {}, note, read, this.refused.map(one));
   }
 
   sceneControls() {
@@ -244,8 +246,11 @@ class Sketchpad {
     return { share, text: `area ${number(100 * share, 4)} %${parts ? " of the membrane" : ""}, ${number((active * width * height) / pattern.cells.length)} mm²` };
   }
 
+  /** The end of the slider: 1, 2 or 5 times a power of ten, so that the limits of most drawings need the same. */
   mostVoltage() {
-    return Math.ceil((1.5 * Math.max(this.ownVoltage(), this.critical ?? 0, 1000)) / 100) * 100;
+    const least = 1.2 * Math.max(this.ownVoltage(), this.critical ?? 0, 1000);
+    const power = 10 ** Math.floor(Math.log10(least));
+    return power * ([1, 2, 5].find((step) => step * power >= least) ?? 10);
   }
 
   areaLine() {
@@ -551,10 +556,18 @@ class Sketchpad {
       this.isFirst = false;
     }
     this.learnPace(found);
+    if (!this.sweeping.isPlaying) this.showNumbers();
+    else if (!quick) this.sweeping.isSettled = true;
+    this.grey();
+  }
+
+  /** Shows the numbers of the last response. */
+  showNumbers() {
+    if (!this.shown) return;
+    const { document: found, quick } = this.shown;
     this.numbers.show();
     const known = quick ? null : found.error;
     this.line.textContent = found.max_displacement === null ? `no stable state: ${found.outcome}` : `value ${roundedBy(found.value, known)} mm, largest ${roundedBy(found.max_displacement, known)} mm`;
-    this.grey();
   }
 
   draw() {
@@ -566,7 +579,7 @@ class Sketchpad {
 
   /** @param {{pattern: Pattern, displacement: Float32Array}|null} [played] the state of a sweep */
   drawPad(played = null) {
-    const { size_mm: size, parts } = this.scene;
+    const { size_mm: size, parts, borders } = this.scene;
     const shown = this.narrow.matches ? this.stableState() : null;
     const moved = played ?? (shown ? { pattern: shown.pattern, displacement: shown.arrays.displacement.data } : null);
     const sensitivity = this.heat ? this.shown?.arrays.sensitivity?.data : null;
@@ -579,6 +592,7 @@ class Sketchpad {
       ratio: size[1] / size[0],
       grid: true,
       parts,
+      borders,
       sides: this.scene.sides,
       cursor: this.pen.showCursor ? this.pen.cursor : null,
       heat: sensitivity ?? null,
@@ -590,7 +604,7 @@ class Sketchpad {
 
   drawMembrane() {
     const { columns, rows } = this.pattern;
-    const { size_mm: size, parts, sides } = this.scene;
+    const { size_mm: size, parts, borders, sides } = this.scene;
     // A sweep draws the membrane itself.
     if (this.sweeping.isPlaying) return;
     const shown = this.stableState();
@@ -603,7 +617,7 @@ class Sketchpad {
     const [name, unit, factor, fromZero] = /** @type {any} */ (COLOURINGS)[this.colouring];
     const [least, high] = values ? range(values) : [0, 0];
     const low = fromZero ? Math.min(0, least) : least;
-    drawMembrane(this.membrane, pattern, displacement, { size, scale: this.scale, values, parts, sides, low, high, point: this.point, direction: this.direction });
+    drawMembrane(this.membrane, pattern, displacement, { size, scale: this.scale, values, parts, borders, sides, low, high, point: this.point, direction: this.direction });
     this.legend.classList.toggle("error", isOther);
     // A hidden bar has no width to be drawn in.
     this.bar.hidden = !values;

@@ -8,7 +8,7 @@ use crate::compute::TIME_LIMIT;
 use crate::http::{ApiError, Request, Response};
 use crate::state::{NamedScene, ServerState};
 use deaflow_fem::effects::EFFECTS;
-use deaflow_pattern::Part;
+use deaflow_pattern::{Part, Point, Polygons};
 use deaflow_scene::{Scene, Sides};
 
 /// Lists the scenes, the default one first, those of the gallery, and the files whose scenes cannot be used, with their
@@ -71,6 +71,7 @@ fn document(named: &NamedScene) -> Value {
         "auto": scene.auto,
         "effects": EFFECTS.iter().map(effect).collect::<Vec<_>>(),
         "parts": parts(scene),
+        "borders": borders(scene),
         "sides": scene.geometry.sides.as_ref().map(|given| sides(scene, given)),
         "prices": prices([columns, rows]),
     })
@@ -88,6 +89,21 @@ fn sides(scene: &Scene, sides: &Sides) -> Value {
         (edge.name().to_owned(), json!({ "support": side.name(), "load": load }))
     });
     each.collect()
+}
+
+/// Returns the borders of frame and bodies that elements follow, as closed polygons in shares of the sides of the
+/// membrane; `None` if these are those of cells.
+fn borders(scene: &Scene) -> Option<Value> {
+    let borders = scene.geometry.borders(None)?;
+    let size = scene.membrane().size_mm;
+    let rings = |region: &Polygons| -> Vec<Vec<[f64; 2]>> {
+        let ring = |ring: &Vec<Point>| ring.iter().map(|[x, y]| [x / size[0], y / size[1]]).collect();
+        region.rings().iter().map(ring).collect()
+    };
+    Some(json!({
+        "opening": borders.opening.as_ref().map(rings),
+        "bodies": borders.bodies.iter().map(rings).collect::<Vec<_>>(),
+    }))
 }
 
 /// Returns what is not membrane, row by row from below: 1 frame, 2 rigid body, else 0; `None` if all is membrane.

@@ -202,7 +202,11 @@ impl SketchSolution {
     }
 
     /// Returns the state of each cell; `None` without a stable solution by Newton's method.
-    fn cells(&self, prepared: &PreparedSolver, pattern: &Pattern) -> Result<Option<Vec<CellState>>, SetupError> {
+    pub(super) fn cells(
+        &self,
+        prepared: &PreparedSolver,
+        pattern: &Pattern,
+    ) -> Result<Option<Vec<CellState>>, SetupError> {
         let Some(on_mesh) = self.on_mesh.as_ref().filter(|solution| solution.outcome.is_converged()) else {
             return Ok(None);
         };

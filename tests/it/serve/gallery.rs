@@ -1,6 +1,6 @@
 //! The sketchpad as it opens, its gallery, the voltage that plays, what lies beyond the limit, and links to drawings.
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::server::Server;
 use super::tab::Tab;
@@ -51,6 +51,20 @@ fn a_sweep_ends_at_the_limit_and_has_the_solutions_of_single_requests() {
             .fold(0.0, f64::max);
         assert!((largest - of(at, "max_displacement")).abs() < 1e-5, "{at}");
     }
+    // The breakdown field is that of the scene, or of the usual elastomer.
+    assert_eq!(document["breakdown_assumed"], true);
+    assert!(
+        (1..=last).all(|at| of(at, "breakdown_ratio") > of(at - 1, "breakdown_ratio")),
+        "{document}"
+    );
+    body["effects"] = json!(["dielectric_breakdown"]);
+    let single = server.post("/api/sketch", &body).json();
+    let ratio = single["breakdown_ratio"].as_f64().unwrap();
+    assert!(
+        (ratio / of(last, "breakdown_ratio") - 1.0).abs() < 1e-6,
+        "{ratio} {document}"
+    );
+    body.as_object_mut().unwrap().remove("effects");
     // Without a limit, it ends at the requested voltage.
     let estimate = json!({ "pattern": rows(disc), "elements_per_cell": 1, "method": "linear", "voltage": 4000 });
     let (document, _) = server.post("/api/sketch/sweep", &estimate).frame();
@@ -90,9 +104,16 @@ fn the_sketchpad_opens_with_a_pattern_that_moves_and_has_a_gallery() {
     // It plays: the voltage, the membrane and the dot move.
     tab.value("window.seen = new Set(); window.watch = setInterval(() => window.seen.add(`${document.querySelector('#volts').value} ${document.querySelector('#sweep .dot').getAttribute('cx')}`), 30)");
     tab.click("#play");
-    tab.until("document.querySelector('.legend').textContent.startsWith('pull-in: no stable state above ')");
+    // The numbers are those of the sweep, with the electric field.
+    tab.until("Number(document.querySelector('#swept')?.dataset.value) > 3000 && Number(document.querySelector('#breakdown')?.dataset.value) > 0");
+    tab.until("document.querySelector('.legend').textContent.startsWith('pull-in: no stable state above the limit')");
     tab.until("document.querySelector('#play').textContent.includes('Play')");
     tab.value("clearInterval(window.watch)");
+    tab.until(SETTLED);
+    assert_eq!(tab.value("document.querySelector('#swept')"), Value::Null);
+    assert_eq!(tab.value("document.querySelector('#voltage').max"), "10000");
+    let fits = "[...document.querySelectorAll('fieldset select')].every((one) => one.getBoundingClientRect().right <= one.closest('fieldset').getBoundingClientRect().right)";
+    assert_eq!(tab.value(fits), true);
     assert!(tab.value("window.seen.size").as_u64().unwrap() > 5);
     // Whatever is drawn stops it, and the curve is grey.
     tab.click("[data-gallery=disc]");
@@ -119,6 +140,44 @@ fn the_sketchpad_opens_with_a_pattern_that_moves_and_has_a_gallery() {
     tab.click("#own-scene");
     tab.until("!document.querySelector('#own-scene')");
     assert_eq!(tab.complaints, Vec::<String>::new());
+}
+
+#[test]
+fn a_drawing_of_the_command_line_says_what_its_cells_are() {
+    let Some(mut tab) = Tab::open() else { return };
+    let workspace = with_scene();
+    let disc = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"50mm\" height=\"50mm\" viewBox=\"0 0 50 50\"><circle cx=\"25\" cy=\"25\" r=\"9.3\"/></svg>";
+    workspace.write("disc.svg", disc);
+    let server = Server::start(&workspace, &["sketch", "scene.yaml", "disc.svg"]);
+    tab.go(&server.url);
+    tab.until(SETTLED);
+    let told = tab.text("[data-note=pattern]");
+    assert!(
+        told.starts_with("disc.svg: read by the centres of cells: 271.7 mm²"),
+        "{told}"
+    );
+}
+
+#[test]
+fn curves_that_elements_follow_are_drawn_as_such() {
+    let workspace = with_scene();
+    let scene = std::fs::read_to_string(workspace.path("scene.yaml")).unwrap();
+    let round = "cells: 50, frame: { opening: { disc: { centre: [25 mm, 25 mm], radius: 20 mm } }, curves: fitted }";
+    assert!(scene.contains("cells: 50"), "{scene}");
+    workspace.write("round.yaml", &scene.replacen("cells: 50", round, 1));
+    let borders = |scene: &str| {
+        let server = Server::start(&workspace, &["sketch", scene]);
+        server.get("/api/scenes").json()["scenes"][0]["borders"].clone()
+    };
+    assert_eq!(borders("scene.yaml"), Value::Null);
+    let round = borders("round.yaml");
+    let opening = round["opening"][0].as_array().unwrap();
+    let radius = |at: &Value| (at[0].as_f64().unwrap() - 0.5).hypot(at[1].as_f64().unwrap() - 0.5);
+    assert!(
+        opening.len() > 20 && opening.iter().all(|at| (radius(at) - 0.4).abs() < 1e-6),
+        "{round}"
+    );
+    assert_eq!(round["bodies"], json!([]));
 }
 
 #[test]
