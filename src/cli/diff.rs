@@ -7,7 +7,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::arguments::{SetArguments, StoreArguments};
-use super::log::{WIDTH, with_unit};
+use super::log::{WIDTH, with_error, with_unit};
 use super::snapshot::{self, ByPath, Snapshot, SnapshotReader};
 use super::text::Text;
 use super::{CliError, Exit, Output, csv, locate, table};
@@ -33,7 +33,7 @@ pub struct DiffArguments {
     pub to: Option<String>,
     #[command(flatten)]
     pub set: SetArguments,
-    /// Print CSV: what, name, and both values
+    /// Print CSV: what, name, both values, and their errors
     #[arg(long, conflicts_with = "json")]
     pub csv: bool,
     #[command(flatten)]
@@ -45,6 +45,8 @@ pub struct Change<T> {
     pub name: String,
     pub from: Option<T>,
     pub to: Option<T>,
+    /// The estimated errors of both values, if they are known.
+    pub errors: [Option<f64>; 2],
 }
 
 pub fn execute(arguments: &DiffArguments, output: &Output) -> Result<Exit, CliError> {
@@ -123,6 +125,7 @@ pub fn changes([from, to]: [&Snapshot; 2], [before, after]: &[ByPath; 2]) -> Vec
             name: name.clone(),
             from: before.get(name).cloned(),
             to: after.get(name).cloned(),
+            errors: [None; 2],
         })
         .collect();
     changes.sort_by(|a, b| a.name.cmp(&b.name));
@@ -139,6 +142,7 @@ fn results(from: &Snapshot, to: &Snapshot) -> Vec<Change<f64>> {
             name: name.clone(),
             from: known(from, name),
             to: known(to, name),
+            errors: [from, to].map(|side| side.errors.get(name).copied()),
         })
         .filter(|change| change.from != change.to)
         .collect();
@@ -161,9 +165,14 @@ fn document(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], re
     let parameters = parameters
         .iter()
         .map(|change| json!({ "path": change.name, "from": value(&change.from), "to": value(&change.to) }));
-    let results = results
-        .iter()
-        .map(|change| json!({ "name": change.name, "from": change.from, "to": change.to }));
+    let results = results.iter().map(|change| {
+        let [from_error, to_error] = change.errors;
+        let mut result = json!({ "name": change.name, "from": change.from, "to": change.to });
+        if change.errors != [None; 2] {
+            (result["from_error"], result["to_error"]) = (json!(from_error), json!(to_error));
+        }
+        result
+    });
     json!({
         "from": from.title,
         "to": to.title,
@@ -174,7 +183,7 @@ fn document(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], re
 }
 
 fn rows(parameters: &[Change<Canonical>], results: &[Change<f64>]) -> Result<String, CliError> {
-    let header = ["what", "name", "from", "to"].map(str::to_owned);
+    let header = ["what", "name", "from", "to", "from_error", "to_error"].map(str::to_owned);
     let shown = |value: &Option<Canonical>| value.as_ref().map_or_else(String::new, Canonical::to_string);
     let number = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
     let parameters = parameters.iter().map(|change| {
@@ -183,6 +192,8 @@ fn rows(parameters: &[Change<Canonical>], results: &[Change<f64>]) -> Result<Str
             change.name.clone(),
             shown(&change.from),
             shown(&change.to),
+            String::new(),
+            String::new(),
         ]
     });
     let results = results.iter().map(|change| {
@@ -191,6 +202,8 @@ fn rows(parameters: &[Change<Canonical>], results: &[Change<f64>]) -> Result<Str
             change.name.clone(),
             number(change.from),
             number(change.to),
+            number(change.errors[0]),
+            number(change.errors[1]),
         ]
     });
     csv::text(&header, parameters.chain(results))
@@ -230,13 +243,19 @@ fn text(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], result
     let (both, one): (Vec<&Change<f64>>, Vec<&Change<f64>>) = results
         .iter()
         .partition(|change| change.from.is_some() && change.to.is_some());
-    let shown = |change: &Change<f64>, value: Option<f64>| {
+    let shown = |change: &Change<f64>| {
         let (_, result) = side_of(change, from, to).stage_and_result(&change.name);
-        value.map_or_else(|| "–".to_owned(), |value| with_unit(result, value))
+        let one = |value: Option<f64>, error: Option<f64>| match (value, error) {
+            (Some(value), Some(error)) => with_error(result, value, error),
+            (Some(value), None) => with_unit(result, value),
+            (None, _) => "–".to_owned(),
+        };
+        [one(change.from, change.errors[0]), one(change.to, change.errors[1])]
     };
-    let (both, alike): (Vec<&Change<f64>>, Vec<&Change<f64>>) = both
-        .into_iter()
-        .partition(|change| shown(change, change.from) != shown(change, change.to));
+    let (both, alike): (Vec<&Change<f64>>, Vec<&Change<f64>>) = both.into_iter().partition(|change| {
+        let [from, to] = shown(change);
+        from != to
+    });
     if both.is_empty() && alike.is_empty() {
         if is_comparable {
             text.line(match has_common_results {
@@ -248,12 +267,8 @@ fn text(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], result
         let mut table =
             table::table(&["result", "from", "to", "change"], &["from", "to", "change"]).flowing(&["result"]);
         for change in both {
-            table.add_row([
-                change.name.clone(),
-                shown(change, change.from),
-                shown(change, change.to),
-                relative(change.from, change.to),
-            ]);
+            let [from, to] = shown(change);
+            table.add_row([change.name.clone(), from, to, relative(change.from, change.to)]);
         }
         text.table(table);
     }
@@ -366,6 +381,7 @@ mod tests {
             name: name.to_owned(),
             from: Some(Canonical::from(40_u64)),
             to: Some(Canonical::from(to)),
+            errors: [None; 2],
         };
         let changes = [
             change("stages.b.list.0.x", 50),
@@ -476,6 +492,16 @@ mod tests {
             "{said}"
         );
         assert!(shown(&moved, &moved).contains("shared results are identical"));
+        // Errors are beside their results.
+        let mut solved = side(&[("a.max_displacement", 2.0)]);
+        solved.errors = BTreeMap::from([("a.max_displacement".to_owned(), 0.012)]);
+        let (said, found) = (shown(&before, &solved), results(&before, &solved));
+        assert!(said.contains("1 mm   2.000 ± 0.012 mm"), "{said}");
+        let listed = rows(&[], &found).unwrap();
+        assert!(listed.ends_with("result,a.max_displacement,1,2,,0.012\n"), "{listed}");
+        let told = document(&before, &solved, &[], &found);
+        assert_eq!(told["results"][1]["to_error"], 0.012);
+        assert_eq!(told["results"][1]["from_error"], Value::Null);
         // Differences below the displayed digits are counted.
         let (from, to) = (side(&[("a.x", 2.154_700_1)]), side(&[("a.x", 2.154_700_2)]));
         let found = results(&from, &to);

@@ -13,7 +13,7 @@ use super::table::Cell;
 use super::text::Text;
 use super::tone::Tone;
 use super::{CliError, Exit, Output, csv, diff, locate, pipeline, sweep, table};
-use deaflow_base::{Canonical, readable_time};
+use deaflow_base::{Canonical, measured, readable_time};
 use deaflow_orchestrator::file_of;
 use deaflow_report::{RemovedArtifacts, run_document};
 use deaflow_stage::{result_unit, result_words};
@@ -452,6 +452,15 @@ pub fn with_unit(name: &str, value: f64) -> String {
     }
 }
 
+/// Writes a result of a stage with its estimated error and its unit.
+pub fn with_error(name: &str, value: f64, error: f64) -> String {
+    let both = measured(value, error);
+    match result_unit(name) {
+        "1" => both,
+        unit => format!("{both} {unit}"),
+    }
+}
+
 /// Lists the results of the last stages of a run.
 fn results(run: &Run) -> String {
     let of = |stage: &RunStage| {
@@ -498,7 +507,12 @@ mod tests {
             let missing = one.iter().filter(|(path, _)| !other.contains_key(*path));
             missing.map(|(path, value)| (path.clone(), value.clone())).collect()
         };
-        let change = |name, [from, to]: [Option<Canonical>; 2]| diff::Change { name, from, to };
+        let change = |name, [from, to]: [Option<Canonical>; 2]| diff::Change {
+            name,
+            from,
+            to,
+            errors: [None; 2],
+        };
         let removed = only(&before, &after).into_iter();
         let removed = removed.map(|(path, value)| change(path, [Some(value), None]));
         let added = only(&after, &before).into_iter();

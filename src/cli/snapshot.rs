@@ -7,7 +7,7 @@ use super::{CliError, locate, pipeline};
 use deaflow_base::{ArtifactId, Canonical, Override, readable_time};
 use deaflow_orchestrator::{Environment, Kind, Registry, StageError, as_set, file_of, is_of_users, plan};
 use deaflow_stage as stage;
-use deaflow_store::{Artifact, LockFile, Record, Run, Store, StoreError};
+use deaflow_store::{Artifact, LockFile, Record, Run, RunStage, Store, StoreError};
 
 /// The prefix of parameters that come from the scene.
 const SCENE: &str = "scene.";
@@ -32,6 +32,8 @@ pub struct Snapshot {
     stages: Vec<NamedStage>,
     /// The results, by name.
     pub results: BTreeMap<String, f64>,
+    /// The estimated errors of results that have one, by the names of the results.
+    pub errors: BTreeMap<String, f64>,
     /// What is unknown, and why.
     pub unknown: Vec<String>,
 }
@@ -50,6 +52,7 @@ impl Snapshot {
             can_be_set: false,
             stages: Vec::new(),
             results: BTreeMap::new(),
+            errors: BTreeMap::new(),
             unknown: Vec::new(),
         }
     }
@@ -307,9 +310,10 @@ impl<'a> SnapshotReader<'a> {
     fn of_run(&self, run: &Run) -> Result<Snapshot, CliError> {
         let mut snapshot = self.parameters_of_run(run)?;
         snapshot.results.clone_from(&run.results);
-        if run.results.is_empty() {
-            for stage in &run.stages {
-                self.results(&mut snapshot, &stage.name, &stage.artifact);
+        for stage in &run.stages {
+            match run.results.is_empty() {
+                true => self.results(&mut snapshot, &stage.name, &stage.artifact),
+                false => self.errors(&mut snapshot, stage),
             }
         }
         Ok(snapshot)
@@ -380,6 +384,30 @@ impl<'a> SnapshotReader<'a> {
         snapshot.add_stage([name, kind], parameters, from_scene);
     }
 
+    /// Reads the errors of the results of a stage of a run. The history has the results themselves; where an artifact
+    /// is not there any more, they have no errors.
+    fn errors(&self, snapshot: &mut Snapshot, stage: &RunStage) {
+        if let Ok(artifact) = self.store.artifact(&stage.artifact) {
+            self.errors_of(snapshot, &stage.name, &artifact);
+        }
+    }
+
+    fn errors_of(&self, snapshot: &mut Snapshot, name: &str, artifact: &Artifact) {
+        let kind = self.registry.kinds.iter().find(|kind| kind.name() == artifact.kind());
+        match kind.map(|kind| kind.errors(artifact)) {
+            Some(Ok(errors)) => {
+                let named = errors
+                    .into_iter()
+                    .map(|(result, error)| (format!("{name}.{result}"), error));
+                snapshot.errors.extend(named);
+            }
+            Some(Err(error)) => snapshot
+                .unknown
+                .push(format!("errors of `{name}` in {}: {error}", snapshot.title)),
+            None => {}
+        }
+    }
+
     /// Reads the results of a stage from its artifact, if it exists.
     fn results(&self, snapshot: &mut Snapshot, name: &str, digest: &ArtifactId) {
         match self.store.artifact(digest) {
@@ -399,6 +427,7 @@ impl<'a> SnapshotReader<'a> {
                 snapshot
                     .results
                     .extend(finite.map(|(result, value)| (format!("{name}.{result}"), value)));
+                self.errors_of(snapshot, name, artifact);
             }
             Some(Err(error)) => snapshot
                 .unknown

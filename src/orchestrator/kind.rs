@@ -118,6 +118,15 @@ pub trait Kind: Sync {
         Ok(Vec::new())
     }
 
+    /// Returns the estimated errors of those results that have one, by the names of the results.
+    ///
+    /// # Errors
+    /// If the artifact cannot be read.
+    fn errors(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
+        let _ = artifact;
+        Ok(Vec::new())
+    }
+
     /// Returns the files that a stage names, relative to the file of the pipeline: those of `without`, if there is such
     /// a key.
     fn files(&self, stage: &Node) -> Vec<String> {

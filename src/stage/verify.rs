@@ -67,6 +67,21 @@ impl Kind for VerifyKind {
         Ok(results)
     }
 
+    fn errors(&self, artifact: &Artifact) -> Result<Vec<(String, f64)>, StageError> {
+        let view = Verification::open(artifact)?;
+        let best = BestDesigns::read(&view)?;
+        let [name, _] = names_of_values(&view)?;
+        let (errors, known) = (view.component().error().read()?, view.component().error_known().read()?);
+        // Those that are not known are zero in files.
+        let both = errors.into_iter().zip(known);
+        let errors: Vec<f64> = both
+            .map(|(error, known)| if known == 1 { error } else { f64::NAN })
+            .collect();
+        let mut results = of_targets(&best.places(|one| Some(one.field)), &[(name, &errors)]);
+        results.retain(|(_, error)| error.is_finite());
+        Ok(results)
+    }
+
     fn needs(&self) -> Needs {
         Needs {
             kinds: &["design"],

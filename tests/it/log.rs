@@ -212,7 +212,7 @@ fn two_runs_are_compared_by_parameters_and_results() {
     }
     let csv = workspace.run(&["diff", "short.yaml@3", "short.yaml@2", "--csv"]).stdout;
     assert!(
-        csv.starts_with("what,name,from,to\nparameter,scene.drive.voltage,5250 V,4000 V\n"),
+        csv.starts_with("what,name,from,to,from_error,to_error\nparameter,scene.drive.voltage,5250 V,4000 V,,\n"),
         "{csv}"
     );
 }
