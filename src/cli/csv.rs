@@ -3,6 +3,15 @@
 use super::CliError;
 use deaflow_report::ResultTable;
 
+/// Returns the names of the columns of a table with their units at the end, as in `voltage_V`.
+pub fn titles(table: &ResultTable) -> Vec<String> {
+    let title = |(name, unit): (&String, &String)| match unit.as_str() {
+        "" | "1" => name.clone(),
+        unit => format!("{name}_{}", unit.replace(' ', "_")),
+    };
+    table.columns.iter().zip(&table.units).map(title).collect()
+}
+
 /// Formats the table of a table stage.
 ///
 /// # Errors
@@ -12,7 +21,7 @@ pub fn of_table(table: &ResultTable) -> Result<String, CliError> {
         .rows
         .iter()
         .map(|row| row.iter().map(|(text, _)| text.clone()).collect());
-    text(&table.columns, rows)
+    text(&titles(table), rows)
 }
 
 /// Formats a header and rows.

@@ -154,14 +154,14 @@ fn collected(store: &Store, stages: &[StageReport], name: &str) -> Result<Option
     let Some(digest) = digest else { return Ok(None) };
     let artifact = store.artifact(&digest)?;
     let table = ResultTable::new(Table::read(&artifact)?);
-    let column = |(title, unit): (&String, &String)| CsvColumn {
-        title: title.clone(),
+    let column = |(title, unit): (String, &String)| CsvColumn {
+        title,
         unit: Some(unit.clone()).filter(|unit| !unit.is_empty()),
     };
     Ok(Some(Collected {
         digest,
         text: csv::of_table(&table)?,
-        columns: table.columns.iter().zip(&table.units).map(column).collect(),
+        columns: csv::titles(&table).into_iter().zip(&table.units).map(column).collect(),
     }))
 }
 

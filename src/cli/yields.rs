@@ -10,7 +10,7 @@ use super::point::{PointArguments, Probe};
 use super::progress::Bar;
 use super::text::Text;
 use super::{CliError, Exit, Output, csv, model_warnings, table, write};
-use deaflow_base::{Dimension, Length, Progress, four_digits, is_interrupted};
+use deaflow_base::{CsvColumn, Dimension, Length, Progress, four_digits, is_interrupted};
 use deaflow_fem::SolveOptions;
 use deaflow_fem::screening::resolve;
 use deaflow_field::{Mesh, Order};
@@ -141,7 +141,8 @@ pub fn execute(arguments: &YieldArguments, output: &Output) -> Result<Exit, CliE
     }
     if let Some(file) = &arguments.output {
         let source = format!("scene {}, seed {}", arguments.scene.display(), arguments.seed);
-        write::csv(file, devices(&found, &study.varying())?.as_bytes(), "Devices", &source)?;
+        let (rows, columns) = devices(&found, &study.varying())?;
+        write::csv_of(file, rows.as_bytes(), ("Devices", &source), columns)?;
     }
     output.result(
         || {
@@ -234,12 +235,19 @@ fn half_width(result: &Yield) -> f64 {
     ends[0].max(ends[1])
 }
 
-/// The table of all devices; deviations are in units of the standard deviation.
-fn devices(found: &[Found], varying: &[Source]) -> Result<String, CliError> {
-    let first = ["pattern", "device"].map(str::to_owned).into_iter();
-    let deviations = varying.iter().map(|source| format!("{}_deviation", source.name()));
-    let last = ["outcome", "displacement_mm"].map(str::to_owned);
-    let header: Vec<String> = first.chain(deviations).chain(last).collect();
+/// The unit of deviations in tables.
+const DEVIATIONS: &str = "standard deviations";
+
+/// The table of all devices, and its columns; deviations are in units of the standard deviation.
+fn devices(found: &[Found], varying: &[Source]) -> Result<(String, Vec<CsvColumn>), CliError> {
+    let first = ["pattern", "device"].map(CsvColumn::of_title).into_iter();
+    let deviations = varying.iter().map(|source| CsvColumn {
+        title: format!("{}_deviation", source.name()),
+        unit: Some(DEVIATIONS.to_owned()),
+    });
+    let last = ["outcome", "displacement_mm"].map(CsvColumn::of_title);
+    let columns: Vec<CsvColumn> = first.chain(deviations).chain(last).collect();
+    let header: Vec<String> = columns.iter().map(|column| column.title.clone()).collect();
     let rows = found.iter().flat_map(|one| {
         one.devices.iter().enumerate().map(|(index, device)| {
             let deviations = varying.iter().map(|source| device.deviation(*source).to_string());
@@ -253,7 +261,15 @@ fn devices(found: &[Found], varying: &[Source]) -> Result<String, CliError> {
                 .collect()
         })
     });
-    csv::text(&header, rows)
+    Ok((csv::text(&header, rows)?, columns))
+}
+
+/// The plain mean of the devices that do not fail, mm, where that with control variates is another one.
+fn other_mean(found: &Found) -> Option<f64> {
+    let values: Vec<f64> = found.devices.iter().filter_map(|device| device.value.ok()).collect();
+    let plain = values.iter().sum::<f64>() / values.len() as f64;
+    let told = found.result.mean?.value;
+    ((plain - told).abs() > 1e-9 * told.abs()).then_some(plain)
 }
 
 fn percent(share: f64) -> String {
@@ -313,6 +329,13 @@ fn text(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Text {
             ),
         };
         text.line(format!("{}: {} devices{variance}", one.file, result.samples));
+        if let Some(plain) = other_mean(one).filter(|_| arguments.output.is_some()) {
+            text.line(format!(
+                "{}: the mean is that with the deviations as control variates; that of the rows in the file is {} mm",
+                one.file,
+                table::number(plain)
+            ));
+        }
         let share = arguments.wanted.filter(|wanted| wanted.share().is_some());
         if let Some(wanted) = share {
             text.line(format!("{}: wanted {}", one.file, wanted.described(one.nominal)));

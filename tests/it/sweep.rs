@@ -140,7 +140,7 @@ fn a_pipeline_is_swept_without_editing_it() {
     let run = workspace.run(&sweep);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     let lines: Vec<&str> = run.stdout.lines().collect();
-    assert_eq!(lines[0], "voltage,area,max_displacement,drawn.samples");
+    assert_eq!(lines[0], "voltage_V,area,max_displacement_mm,drawn.samples");
     assert_eq!(lines.len(), 5, "{}", run.stdout);
     assert!(
         lines[1].starts_with("3000,0.3,0.") && lines[4].ends_with(",3"),
@@ -300,11 +300,11 @@ fn a_sweep_ends_with_a_stage_and_names_the_results_of_several_by_stage() {
     let misspelt = sweep(&["--table", "max_displacement", "--until", "solvd"]);
     assert!(misspelt.stderr.contains("did you mean `solved"), "{misspelt}");
     let both = table(&[]);
-    assert_eq!(both[0], "voltage,fine.max_displacement,solved.max_displacement");
+    assert_eq!(both[0], "voltage_V,fine.max_displacement_mm,solved.max_displacement_mm");
     let cells: Vec<&str> = both[1].split(',').collect();
     assert!(cells.len() == 3 && cells[1] != cells[2], "{both:?}");
     let one = table(&["--until", "fine"]);
-    assert_eq!(one[0], "voltage,max_displacement");
+    assert_eq!(one[0], "voltage_V,max_displacement_mm");
     assert_eq!(one[1], format!("3000,{}", cells[1]));
     // The stage is built too where the table does not collect its results.
     let ended = sweep(&["--json", "--table", "solved.samples", "--until", "fine"]);

@@ -52,12 +52,26 @@ fn a_yield_has_intervals_and_does_not_depend_on_threads() {
     let header = "pattern,device,voltage_deviation,shear_modulus_deviation,thickness_deviation,mask_deviation,\
                   misregistration_x_deviation,outcome,displacement_mm";
     assert_eq!(table.lines().next(), Some(header));
+    let about = std::fs::read_to_string(workspace.path("devices.csv-metadata.json")).unwrap();
+    let about: Value = serde_json::from_str(&about).unwrap();
+    let columns = about["tableSchema"]["columns"].as_array().unwrap();
+    let units: Vec<&Value> = columns.iter().map(|column| &column["schema:unitText"]).collect();
+    assert_eq!(
+        (units[2], units[8], units[7]),
+        (&"standard deviations".into(), &"mm".into(), &Value::Null)
+    );
+    let told = yields(&workspace, &options[1..]).stdout;
+    let sentence =
+        "half.csv: the mean is that with the deviations as control variates; that of the rows in the file is ";
+    let plain = told.split_once(sentence).unwrap_or_else(|| panic!("{told}")).1;
     let mm: Vec<f64> = table
         .lines()
         .skip(1)
         .map(|line| line.rsplit(',').next().unwrap().parse().unwrap())
         .collect();
     let mean = mm.iter().sum::<f64>() / 200.0;
+    let plain: f64 = plain.split(' ').next().unwrap().parse().unwrap();
+    assert!((plain - mean).abs() < 1e-4, "{plain} {mean}");
     // With control variates: near the mean of the devices, in an interval much narrower than that of independent ones.
     let [from, to] = [0, 1].map(|end| number(&found["mean_mm"]["interval"][end]));
     let spread = (mm.iter().map(|mm| (mm - mean) * (mm - mean)).sum::<f64>() / 199.0).sqrt();
