@@ -129,7 +129,7 @@ fn of_stage(arguments: &AuditArguments, (path, name): (&Path, &str), output: &Ou
     let mut sets = arguments.set.overrides()?;
     let pipeline = pipeline::load_file(path, &sets, arguments.set.many)?;
     let name = &checked_name(&pipeline, name)?;
-    pipeline.bare_numbers.iter().for_each(|note| output.warn(note));
+    pipeline.bare_numbers.iter().for_each(|note| output.warn_of_units(note));
     let store = locate::existing_store(&arguments.store.folder_of(path))?;
     let artifact = match current(&pipeline, &store, name)? {
         Ok(artifact) => artifact,

@@ -96,7 +96,7 @@ macro_rules! commands {
         impl Cli {
             /// Runs the command.
             pub fn execute(&self, output: &Output) -> Result<Exit, CliError> {
-                bare_numbers().into_iter().for_each(|note| output.warn(note));
+                bare_numbers().into_iter().for_each(|note| output.warn_of_units(note));
                 match &self.command {
                     $($(Command::$command(arguments) => $file::execute(arguments, output),)*)*
                 }

@@ -36,7 +36,7 @@ pub fn execute(arguments: &ExplainArguments, output: &Output) -> Result<Exit, Cl
     let pipeline = pipeline::load_with(&path, &arguments.set)?;
     let (_scratch, store) = pipeline::store_to_read(&arguments.store.folder_of(&path))?;
     let found = explain(&pipeline, &store, stage)?;
-    pipeline.bare_numbers.iter().for_each(|note| output.warn(note));
+    pipeline.bare_numbers.iter().for_each(|note| output.warn_of_units(note));
     output.result(|| document(&found), || text(&found))
 }
 

@@ -49,6 +49,7 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
         free: arguments.free,
     };
     let plan = store.plan_gc(&retention, store.now())?;
+    let quarantined = store.totals()?.quarantined;
     let mut figures = figures_of(&store, &plan.removed.iter().map(|artifact| artifact.digest).collect());
     for file in &plan.last_runs {
         output.warn(format_args!(
@@ -81,10 +82,18 @@ pub fn execute(arguments: &GcArguments, output: &Output) -> Result<Exit, CliErro
         || {
             let mut document = document(&plan, &figures, arguments.dry_run);
             document["store"] = json!(store.root());
+            document["quarantined"] = json!(quarantined);
             document
         },
         || {
             let mut text = text(&plan, &figures, arguments.dry_run);
+            if quarantined > 0 {
+                text.line(format!(
+                    "{} in {} stay: damaged, or with missing inputs; they are not used and can be deleted",
+                    table::counted(quarantined, "files"),
+                    store.root().join("quarantine").display()
+                ));
+            }
             text.line(locate::named(&store));
             text
         },

@@ -4,11 +4,12 @@ use std::error::Error as _;
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
 use std::process::ExitCode;
+use std::sync::{Mutex, PoisonError};
 
 use clap::ColorChoice;
 use clap::error::{ContextKind, ContextValue};
 use serde::Serialize;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::CliError;
 use super::commands::command_line;
@@ -62,6 +63,17 @@ impl From<Exit> for ExitCode {
     }
 }
 
+/// Adds warnings to the list of a document; a document that is no mapping stays.
+fn with_warnings(mut document: Value, added: &[String]) -> Value {
+    if let Some(document) = document.as_object_mut() {
+        let known = document.entry("warnings").or_insert_with(|| json!([]));
+        if let Some(known) = known.as_array_mut() {
+            known.extend(added.iter().map(|text| json!(text)));
+        }
+    }
+    document
+}
+
 /// Prints what a command has to report.
 pub struct Output {
     json: bool,
@@ -69,6 +81,8 @@ pub struct Output {
     screen: Screen,
     /// The terminal of stderr.
     errors: Screen,
+    /// How numbers without a unit were read, for the warnings of the JSON document.
+    units: Mutex<Vec<String>>,
 }
 
 impl Output {
@@ -78,6 +92,7 @@ impl Output {
             json,
             screen: Screen::of(&io::stdout(), colour),
             errors: Screen::of(&io::stderr(), colour),
+            units: Mutex::default(),
         }
     }
 
@@ -135,8 +150,14 @@ impl Output {
     /// # Errors
     /// When stdout refuses.
     pub fn document(&self, document: &impl Serialize) -> Result<(), CliError> {
-        let text = serde_json::to_string_pretty(document).map_err(io::Error::from)?;
-        Self::print(&printable_json(&text))
+        let units = self.units.lock().unwrap_or_else(PoisonError::into_inner);
+        let text = match units.is_empty() {
+            true => serde_json::to_string_pretty(document),
+            false => serde_json::to_value(document)
+                .map(|document| with_warnings(document, &units))
+                .and_then(|document| serde_json::to_string_pretty(&document)),
+        };
+        Self::print(&printable_json(&text.map_err(io::Error::from)?))
     }
 
     /// Writes to stdout; nothing else does.
@@ -174,6 +195,14 @@ impl Output {
     /// Prints a warning to stderr.
     pub fn warn(&self, text: impl Display) {
         self.note(&format!("warning: {text}"));
+    }
+
+    /// Warns of how numbers without a unit were read; a JSON document then has it among its `warnings`, too.
+    pub fn warn_of_units(&self, text: impl Into<String>) {
+        let text = text.into();
+        self.warn(&text);
+        let mut units = self.units.lock().unwrap_or_else(PoisonError::into_inner);
+        units.push(text);
     }
 
     /// Prints an error of usage, or the requested help, from clap.

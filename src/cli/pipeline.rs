@@ -10,6 +10,7 @@ use deaflow_base::{Document, Override};
 use deaflow_orchestrator::{MANY_STAGES, Pipeline};
 use deaflow_scene::Scene;
 use deaflow_stage as stage;
+use deaflow_stage::direct::ReadScene;
 use deaflow_store::{LockFile, Store};
 
 /// Reads a pipeline and checks that it has the stage of `--until`, before a store is opened.
@@ -69,13 +70,21 @@ pub fn read_scene(path: &Path, output: &Output) -> Result<Scene, CliError> {
 /// As [`read_scene`], and when an override is invalid.
 pub fn read_scene_with(path: &Path, sets: &[String], output: &Output) -> Result<Scene, CliError> {
     let read = stage::direct::read_scene_with(path, stage::direct::Changes { sets, voltage: None })?;
-    read.notes().into_iter().for_each(|note| output.warn(note));
+    warn_of_scene(&read, output);
     Ok(read.scene)
+}
+
+/// Prints how numbers without a unit in a scene were read, and what was ignored in its drawings.
+pub fn warn_of_scene(read: &ReadScene, output: &Output) {
+    read.bare_numbers.iter().for_each(|note| output.warn_of_units(note));
+    read.scene.geometry.notes().iter().for_each(|note| output.warn(note));
 }
 
 /// Prints how numbers without a unit in the value of an option were read, after it was read.
 pub fn warn_of_units(document: &Document, output: &Output) {
-    note_on_units(document).into_iter().for_each(|note| output.warn(note));
+    note_on_units(document)
+        .into_iter()
+        .for_each(|note| output.warn_of_units(note));
 }
 
 /// Returns how numbers without a unit in the value of an option were read, after it was read; `None` if all have one.

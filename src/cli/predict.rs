@@ -114,7 +114,7 @@ pub fn execute(arguments: &PredictArguments, output: &Output) -> Result<Exit, Cl
     let predictions = model.predict_with(&patterns, calibration, &arguments.objective, &job.bar)?;
     let (fields, intervals) = (&predictions.fields, &predictions.intervals);
     for note in intervals.iter().flat_map(Intervals::notes) {
-        output.warn(note);
+        output.warn_of_units(note);
     }
     let parameters = format!("model {}", arguments.model);
     if let (Some(intervals), Some(table)) = (intervals, &table) {

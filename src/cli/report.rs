@@ -54,7 +54,7 @@ pub struct ReportArguments {
 
 pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, CliError> {
     let pipeline = pipeline::load_with(&arguments.pipeline, &arguments.set)?;
-    pipeline.bare_numbers.iter().for_each(|note| output.warn(note));
+    pipeline.bare_numbers.iter().for_each(|note| output.warn_of_units(note));
     pipeline.selection(arguments.until.as_deref())?;
     if let (None, Some(option)) = (&arguments.sheet, arguments.which.given()) {
         return Err(CliError::bad_input(format!("--{option} selects the design of --sheet"))

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::arguments::{StateArguments, TimeArguments};
+use super::pipeline::warn_of_scene;
 use super::text::Text;
 use super::{CliError, Exit, Output, table};
 use deaflow_base::{InputError, rounded_by};
@@ -43,7 +44,7 @@ pub fn execute(arguments: &ScreenArguments, output: &Output) -> Result<Exit, Cli
         voltage: arguments.voltage.as_deref(),
     };
     let read = direct::read_scene_with(&arguments.scene, changes)?;
-    read.notes().into_iter().for_each(|note| output.warn(note));
+    warn_of_scene(&read, output);
     let scene = arguments.state.of(read.scene)?;
     if let Some(faint) = stage::weak_drive_warning(&scene.at_largest_voltages()) {
         output.warn(format_args!("{faint}"));

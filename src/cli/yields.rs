@@ -6,6 +6,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::arguments::{StateArguments, TimeArguments, has_hdf5_extension, integer, quantity};
+use super::pipeline::warn_of_scene;
 use super::point::{PointArguments, Probe};
 use super::progress::Bar;
 use super::text::Text;
@@ -110,7 +111,7 @@ pub fn execute(arguments: &YieldArguments, output: &Output) -> Result<Exit, CliE
         voltage: None,
     };
     let read = direct::read_scene_with(&arguments.scene, changes)?;
-    read.notes().into_iter().for_each(|note| output.warn(note));
+    warn_of_scene(&read, output);
     let tolerances = read.tolerances;
     let scene = arguments.state.of(read.scene)?;
     let names: Vec<&str> = scene.states.iter().map(|(name, _)| name).collect();

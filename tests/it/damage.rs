@@ -113,6 +113,14 @@ fn a_byte_that_changed_under_the_same_size_and_time_is_found_by_the_next_reader(
                 .starts_with(victim.file_name().unwrap().to_str().unwrap())),
             "{stage}"
         );
+        // Removing what nobody needs leaves it, and says so.
+        let told = workspace.run(&["gc", "-n"]).stdout;
+        assert!(
+            told.contains("in ") && told.contains("/quarantine stay: damaged"),
+            "{told}"
+        );
+        let told = workspace.run(&["gc", "-n", "--json"]).json();
+        assert_eq!(told["quarantined"], files(&aside).len());
     }
 }
 

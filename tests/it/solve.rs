@@ -506,9 +506,24 @@ fn a_number_without_a_unit_is_warned_of_once_with_how_it_was_read() {
     );
     let document = workspace.run(&["solve", "scene.yaml", "half.csv", "--json"]).json();
     assert!(
-        document["notes"][0].as_str().unwrap().contains("5.25 as 5.25 V"),
+        document["warnings"].to_string().contains("5.25 as 5.25 V") && document["notes"] == serde_json::json!([]),
         "{document}"
     );
+    // In each command they are among the warnings, with those of options.
+    for command in [
+        &["screen", "scene.yaml", "half.csv"][..],
+        &["check", "--scene", "scene.yaml", "half.csv"],
+        &["solve", "scene.yaml", "half.csv", "--point", "25, 25 mm"],
+    ] {
+        let document = workspace.run(&[command, &["--json"]].concat()).json();
+        let told = document["warnings"].to_string();
+        assert!(told.contains("5.25 as 5.25 V"), "{command:?}: {document}");
+        assert_eq!(
+            told.contains("25 as 25 mm"),
+            command.contains(&"--point"),
+            "{command:?}: {told}"
+        );
+    }
     // A pipeline tells it in its plan and its run.
     let tiny = Workspace::tiny();
     for command in ["plan", "run"] {

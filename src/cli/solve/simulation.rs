@@ -223,6 +223,8 @@ pub struct Simulation<'a> {
     pub names: Vec<String>,
     /// The patterns as drawn, where cells stand for shapes.
     pub drawings: Vec<Pattern>,
+    /// How numbers without a unit in the scene were read; `None` if all have one.
+    bare_numbers: Option<String>,
     /// What the readers of the files did that a user should know.
     pub notes: Vec<String>,
     /// Progress, time and files.
@@ -240,7 +242,7 @@ impl<'a> Simulation<'a> {
             check_attachments(arguments)?;
         }
         let read = arguments.read_scene()?;
-        let (of_scene, scene) = (read.notes(), read.scene);
+        let (bare_numbers, scene) = (read.bare_numbers, read.scene);
         form.check_scene(&scene)?;
         let NamedPatterns {
             patterns,
@@ -248,7 +250,7 @@ impl<'a> Simulation<'a> {
             notes,
             drawings,
         } = arguments.patterns.read(scene.form(), arguments.edges)?;
-        let notes = of_scene.into_iter().chain(notes).collect();
+        let notes = scene.geometry.notes().into_iter().chain(notes).collect();
         let parameters = arguments.parameters();
         form.check_patterns(&scene, &patterns, &parameters)?;
         let states = match form.states {
@@ -263,6 +265,7 @@ impl<'a> Simulation<'a> {
             scene,
             patterns,
             names,
+            bare_numbers,
             notes,
             drawings,
             job,
@@ -300,6 +303,7 @@ impl<'a> Simulation<'a> {
     /// When a file or the report cannot be written.
     pub fn finish(self, mut result: JobResult<'_>, output: &Output) -> Result<Exit, CliError> {
         self.job.bar.clear();
+        self.bare_numbers.iter().for_each(|note| output.warn_of_units(note));
         self.notes.iter().for_each(|note| output.warn(note));
         extend(&mut result.document, json!({ "notes": self.notes }));
         self.job.finish(result, output)
