@@ -386,6 +386,9 @@ fn gains_are_those_over_intuitive_designs_that_satisfy_the_constraints() {
     assert_eq!(gains, [false, false]);
     let none = "no intuitive design satisfies the constraints";
     assert!(listed.contains(none) && headline.contains(none), "{listed}\n{headline}");
+    // A design that violates its area has an intuitive one of equal area that does so, too.
+    let wide = "area 0.5, wanted 0.4 within 0.005";
+    assert_eq!(told("0.4", [wide, "met", "met", wide]).0, [true, true]);
     // What an evaluator cannot predict says nothing about constraints.
     let (gains, ..) = told("free", ["met", "met", "no stable field", "met"]);
     assert_eq!(gains, [true, true]);

@@ -166,9 +166,9 @@ fn a_pipeline_is_swept_without_editing_it() {
     assert_eq!(
         units.collect::<Vec<_>>()[..3],
         [
-            (&json!("voltage"), &json!("V")),
+            (&json!("voltage_V"), &json!("V")),
             (&json!("area"), &json!("1")),
-            (&json!("max_displacement"), &json!("mm"))
+            (&json!("max_displacement_mm"), &json!("mm"))
         ]
     );
     let log = workspace.run(&["log", "plain.yaml", "--json"]).json();

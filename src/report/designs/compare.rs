@@ -90,7 +90,9 @@ pub(crate) fn comparison(own: &Compared<'_>, all: &[Compared<'_>]) -> Comparison
     let is_compared = ratio.is_some() || difference_mm.is_some();
     let [intuitive_own, intuitive_equal_area] = intuitive.map(|other| other?.simulated_mm);
     let gains = intuitive.map(|other| gain(own, other?));
-    let violating = intuitive.map(|other| other.is_some_and(|other| !other.is_feasible()));
+    // One that violates its constraints itself is compared with any.
+    let is_strict = own.status.is_empty() || is_met(own.status);
+    let violating = intuitive.map(|other| is_strict && other.is_some_and(|other| !other.is_feasible()));
     let has_feasible = all.iter().any(|other| other.role.is_intuitive() && other.is_feasible());
     let has_gain = gains.iter().any(Option::is_some);
     Comparison {
@@ -98,7 +100,7 @@ pub(crate) fn comparison(own: &Compared<'_>, all: &[Compared<'_>]) -> Comparison
         intuitive_equal_area,
         gains: [0, 1].map(|over| gains[over].filter(|_| !violating[over])),
         violating,
-        is_incomparable: has_gain && !has_feasible,
+        is_incomparable: is_strict && has_gain && !has_feasible,
         optimum: best.map(|(_, mm)| mm),
         ratio,
         difference_mm,

@@ -93,7 +93,7 @@ pub struct Comparison {
     /// Gains over these two; none if a given displacement is to be reached, as a larger one is not better then, or over
     /// a design that violates the constraints.
     pub(crate) gains: [Option<Gain>; 2],
-    /// Whether these two violate the constraints of the target.
+    /// Whether these two violate the constraints of the target, which this design satisfies.
     pub(crate) violating: [bool; 2],
     /// Whether this design is compared with intuitive designs, but all of them violate the constraints.
     pub(crate) is_incomparable: bool,

@@ -1,5 +1,5 @@
-//! Designs of a target whose values do not differ by more than the errors of their simulations, so that their order says
-//! nothing.
+//! Designs of a target whose values do not differ by more than the errors of their simulations, so that their order
+//! says nothing.
 
 use std::cmp::Ordering;
 

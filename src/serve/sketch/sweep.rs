@@ -15,10 +15,10 @@ use deaflow_fem::effects::{breakdown_ratio, breakdown_strength_or_default};
 const STEPS: usize = 24;
 
 /// Simulates a pattern at rising voltages. The answer is a frame: `points` with the voltage, the largest displacement
-/// and the value of each solution, its largest electric field relative to the breakdown field, and their displacements
-/// in one array `[point][y][x][xy]`. The last voltage is the critical one, or the highest stable one of the mesh if that
-/// is lower; without a critical voltage, the requested one. `breakdown_assumed` says whether the breakdown field is that
-/// of the usual acrylic elastomer, as the scene has none.
+/// and the value of each solution, its largest electric field relative to the breakdown field, and their
+/// displacements in one array `[point][y][x][xy]`. The last voltage is the critical one, or the highest stable one of
+/// the mesh if that is lower; without a critical voltage, the requested one. `breakdown_assumed` says whether the
+/// breakdown field is that of the usual acrylic elastomer, as the scene has none.
 ///
 /// # Errors
 /// If the request is invalid, or the scene cannot be simulated.
