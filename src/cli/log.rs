@@ -447,17 +447,20 @@ pub fn with_unit(name: &str, value: f64) -> String {
     let is_share = matches!(name.split('.').next(), Some("area" | "yield" | "failed"));
     match result_unit(name) {
         "1" if is_share => format!("{} %", table::number(100.0 * value)),
-        "1" => table::number(value),
-        unit => format!("{} {unit}", table::number(value)),
+        _ => in_unit_of(name, table::number(value)),
     }
 }
 
 /// Writes a result of a stage with its estimated error and its unit.
 pub fn with_error(name: &str, value: f64, error: f64) -> String {
-    let both = measured(value, error);
+    in_unit_of(name, measured(value, error))
+}
+
+/// Adds the unit of a result to its number.
+fn in_unit_of(name: &str, number: String) -> String {
     match result_unit(name) {
-        "1" => both,
-        unit => format!("{both} {unit}"),
+        "1" => number,
+        unit => format!("{number} {unit}"),
     }
 }
 

@@ -219,6 +219,21 @@ impl Bits {
         first
     }
 
+    /// Returns the connected pieces (cells joined by their sides), the largest first; ties are ordered by the lowest,
+    /// then leftmost cell.
+    #[must_use]
+    pub fn components(&self) -> Vec<Self> {
+        let mut found = Vec::new();
+        let mut left = self.clone();
+        while !left.is_empty() {
+            let component = left.flooded(&left.first());
+            left = left.without(&component);
+            found.push(component);
+        }
+        found.sort_by_key(|component| std::cmp::Reverse(component.count()));
+        found
+    }
+
     /// Returns the connected pieces (cells joined by their sides) that contain a cell of `seed`.
     #[must_use]
     pub fn flooded(&self, seed: &Self) -> Self {

@@ -8,15 +8,7 @@ impl Pattern {
     /// island.
     #[must_use]
     pub fn islands(&self) -> Vec<Bits> {
-        let mut rest = Bits::of(self);
-        let mut found = Vec::new();
-        while !rest.is_empty() {
-            let island = rest.flooded(&rest.first());
-            rest = rest.without(&island);
-            found.push(island);
-        }
-        found.sort_by_key(|island| std::cmp::Reverse(island.count()));
-        found
+        Bits::of(self).components()
     }
 }
 

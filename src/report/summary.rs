@@ -190,14 +190,8 @@ impl RowSummary {
     /// Returns its place among the designs of its target; `None` of patterns for comparison, and without a stable
     /// solution.
     fn place(&self) -> Option<Place> {
-        let (rank, value) = self.rank().zip(self.simulated_mm).filter(|_| self.role.is_found())?;
-        Some(Place {
-            role: self.role,
-            rank,
-            is_met: is_met(&self.status),
-            value: self.distance_mm.unwrap_or(value),
-            error: self.simulated_error_mm,
-        })
+        let values = (self.simulated_mm?, self.distance_mm);
+        Place::of((self.role, &self.status), values, self.simulated_error_mm)
     }
 
     /// Says how near it comes to the optimum; `None` of the optimum itself and of intuitive designs.

@@ -1,6 +1,6 @@
 //! Joins the pieces of a pattern, or connects them to leads, by strips of the minimum width.
 
-use super::morphology::{components, dilated, eroded, met, spread};
+use super::morphology::{dilated, eroded, met, spread};
 use super::raster::RasterConstraints;
 use deaflow_pattern::Bits;
 
@@ -13,7 +13,7 @@ pub(super) fn connected(raster: &RasterConstraints, bits: &Bits) -> Bits {
     }
     let most = raster.islands.unwrap_or(usize::MAX);
     let (mut kept, mut count) = (bits.without(bits), 0);
-    let mut pieces = components(bits);
+    let mut pieces = bits.components();
     pieces.sort_by_key(|piece| !raster.is_kept(piece));
     for piece in pieces {
         if spread(&piece).meets(&kept) {

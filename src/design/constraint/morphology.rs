@@ -68,19 +68,6 @@ pub(super) fn spread(bits: &Bits) -> Bits {
         .fold(bits.clone(), |all, (x, y)| all.or(&bits.moved(*x, *y)))
 }
 
-/// The 4-connected components, the largest first; ties are ordered by the lowest, then leftmost cell.
-pub(super) fn components(bits: &Bits) -> Vec<Bits> {
-    let mut found = Vec::new();
-    let mut left = bits.clone();
-    while !left.is_empty() {
-        let component = left.flooded(&left.first());
-        left = left.without(&component);
-        found.push(component);
-    }
-    found.sort_by_key(|component| std::cmp::Reverse(component.count()));
-    found
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -139,7 +126,7 @@ mod tests {
     fn components_are_the_pieces_that_hang_together_by_sides() {
         for index in 0..20 {
             let bits = noise(index, 0.55);
-            let found = components(&bits);
+            let found = bits.components();
             let empty = Bits::empty(Raster::PAPER);
             assert_eq!(found.iter().fold(empty, |all, c| all.or(c)), bits);
             assert_eq!(found.iter().map(Bits::count).sum::<usize>(), bits.count());
@@ -157,7 +144,7 @@ mod tests {
     #[test]
     fn corners_do_not_connect() {
         let diagonal = Bits::from_fn(Raster::PAPER, |x, y| x == y && x < 3);
-        assert_eq!(components(&diagonal).len(), 3);
+        assert_eq!(diagonal.components().len(), 3);
         assert_eq!(grown(&diagonal).count(), 9 + 9 - 4);
     }
 
@@ -165,6 +152,6 @@ mod tests {
     fn a_meander_is_one_component() {
         // The longest path of a flood: every other row, joined at alternating ends.
         let meander = Bits::from_fn(Raster::PAPER, |x, y| y % 2 == 0 || x == if y % 4 == 1 { 49 } else { 0 });
-        assert_eq!(components(&meander), [meander]);
+        assert_eq!(meander.components(), [meander]);
     }
 }

@@ -1,6 +1,6 @@
 //! Constraints on the electrodes of one group, in cells.
 
-use super::morphology::{Square, closed, components, opened};
+use super::morphology::{Square, closed, opened};
 use deaflow_pattern::{Bits, Raster};
 
 /// Constraints on the electrodes of one group, in cells.
@@ -58,7 +58,7 @@ impl RasterConstraints {
         if self.islands.is_none() && self.leads.is_none() {
             return true;
         }
-        let pieces = components(bits);
+        let pieces = bits.components();
         self.islands.is_none_or(|most| pieces.len() <= most) && pieces.iter().all(|piece| self.has_lead(piece))
     }
 
@@ -85,7 +85,7 @@ impl RasterConstraints {
 
     /// An upper bound of the number of cells of a valid pattern.
     pub fn most_cells(&self) -> usize {
-        let pieces = components(&self.allowed);
+        let pieces = self.allowed.components();
         let most = self.islands.unwrap_or(usize::MAX);
         pieces.iter().take(most).map(Bits::count).sum()
     }

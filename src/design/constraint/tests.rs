@@ -1,4 +1,3 @@
-use super::morphology::components;
 use super::*;
 use deaflow_base::Stream;
 use deaflow_pattern::{Raster, Region};
@@ -123,7 +122,7 @@ fn surplus_islands_are_joined_or_removed() {
     let repaired = one.repaired(&pattern).unwrap();
     // A strip of three cells joins the blocks; the speck costs less than a strip to it.
     assert_eq!(repaired.active_cells(), 203);
-    assert_eq!(components(&Bits::of(&repaired)).len(), 1);
+    assert_eq!(Bits::of(&repaired).components().len(), 1);
 }
 
 #[test]
@@ -512,7 +511,7 @@ fn repaired_patterns_have_the_electrodes_that_are_kept_in() {
             "{violations}"
         );
         let bits = Bits::of(&repaired);
-        assert!(kept.without(&bits).is_empty() && components(&bits).len() == 1);
+        assert!(kept.without(&bits).is_empty() && bits.components().len() == 1);
     }
     let violations = constraints.violations(&empty);
     assert_eq!(violations.bare, kept.count());

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::morphology::{closed, components, opened};
+use super::morphology::{closed, opened};
 use super::raster::RasterConstraints;
 use super::{Constraints, Sides};
 use deaflow_pattern::{Bits, Layers};
@@ -80,7 +80,7 @@ impl Violations {
             self.narrow += closed(bits, n).without(bits).count();
         }
         if raster.islands.is_some() || raster.leads.is_some() {
-            let pieces = components(bits);
+            let pieces = bits.components();
             let most = raster.islands.unwrap_or(pieces.len());
             self.surplus += pieces.len().saturating_sub(most);
             let loose = |(index, piece): &(usize, &Bits)| *index >= most || !raster.has_lead(piece);

@@ -11,7 +11,7 @@ use crate::artifacts::StageArtifact;
 use crate::drawing::{Background, DeformedMembrane};
 use crate::format::mm;
 use crate::intervals::NetworkInterval;
-use deaflow_content::{DesignRank, is_met};
+use deaflow_content::DesignRank;
 use deaflow_field::{Field, OutcomeKind};
 use deaflow_pattern::{Pattern, Role};
 use deaflow_scene::Scene;
@@ -141,14 +141,8 @@ impl Design {
 
     /// Returns its place among the designs of its target; `None` of patterns for comparison, and without a simulation.
     pub(crate) fn place(&self) -> Option<Place> {
-        let value = self.simulated_mm.filter(|_| self.role.is_found())?;
-        Some(Place {
-            role: self.role,
-            rank: self.rank().1,
-            is_met: is_met(&self.status),
-            value: self.distance_mm.unwrap_or(value),
-            error: self.error_mm,
-        })
+        let values = (self.simulated_mm?, self.distance_mm);
+        Place::of((self.role, &self.status), values, self.error_mm)
     }
 
     /// Returns the simulated or else predicted membrane, in one of several states or in the only one; `None` without a

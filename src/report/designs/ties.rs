@@ -3,7 +3,7 @@
 
 use std::cmp::Ordering;
 
-use deaflow_content::{DesignRank, best_design};
+use deaflow_content::{DesignRank, best_design, is_met};
 use deaflow_pattern::Role;
 
 /// The place of a simulated design among those of its target.
@@ -17,6 +17,20 @@ pub(crate) struct Place {
     pub value: f64,
     /// The estimated error of the simulation, if it is known.
     pub error: Option<f64>,
+}
+
+impl Place {
+    /// Returns the place of a design by its simulated value, or its distance from a target if there is one; `None` of
+    /// patterns for comparison.
+    pub fn of((role, status): (Role, &str), (value, distance): (f64, Option<f64>), error: Option<f64>) -> Option<Self> {
+        role.is_found().then(|| Self {
+            role,
+            rank: DesignRank::simulated(role, status, distance, value),
+            is_met: is_met(status),
+            value: distance.unwrap_or(value),
+            error,
+        })
+    }
 }
 
 /// Says how many of the best designs do not differ by more than their errors, among those with the role of the best;

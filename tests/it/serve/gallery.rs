@@ -105,14 +105,18 @@ fn the_sketchpad_opens_with_a_pattern_that_moves_and_has_a_gallery() {
     tab.value("window.seen = new Set(); window.watch = setInterval(() => window.seen.add(`${document.querySelector('#volts').value} ${document.querySelector('#sweep .dot').getAttribute('cx')}`), 30)");
     tab.click("#play");
     // The numbers are those of the sweep, with the electric field.
-    tab.until("Number(document.querySelector('#swept')?.dataset.value) > 3000 && Number(document.querySelector('#breakdown')?.dataset.value) > 0");
+    tab.until(
+        "Number(document.querySelector('#swept')?.dataset.value) > 3000 && \
+         Number(document.querySelector('#breakdown')?.dataset.value) > 0",
+    );
     tab.until("document.querySelector('.legend').textContent.startsWith('pull-in: no stable state above the limit')");
     tab.until("document.querySelector('#play').textContent.includes('Play')");
     tab.value("clearInterval(window.watch)");
     tab.until(SETTLED);
     assert_eq!(tab.value("document.querySelector('#swept')"), Value::Null);
     assert_eq!(tab.value("document.querySelector('#voltage').max"), "10000");
-    let fits = "[...document.querySelectorAll('fieldset select')].every((one) => one.getBoundingClientRect().right <= one.closest('fieldset').getBoundingClientRect().right)";
+    let fits = "[...document.querySelectorAll('fieldset select')].every((one) => one.getBoundingClientRect().right <= \
+                one.closest('fieldset').getBoundingClientRect().right)";
     assert_eq!(tab.value(fits), true);
     assert!(tab.value("window.seen.size").as_u64().unwrap() > 5);
     // Whatever is drawn stops it, and the curve is grey.
@@ -146,7 +150,8 @@ fn the_sketchpad_opens_with_a_pattern_that_moves_and_has_a_gallery() {
 fn a_drawing_of_the_command_line_says_what_its_cells_are() {
     let Some(mut tab) = Tab::open() else { return };
     let workspace = with_scene();
-    let disc = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"50mm\" height=\"50mm\" viewBox=\"0 0 50 50\"><circle cx=\"25\" cy=\"25\" r=\"9.3\"/></svg>";
+    let disc = "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"50mm\" height=\"50mm\" viewBox=\"0 0 50 50\">\
+                <circle cx=\"25\" cy=\"25\" r=\"9.3\"/></svg>";
     workspace.write("disc.svg", disc);
     let server = Server::start(&workspace, &["sketch", "scene.yaml", "disc.svg"]);
     tab.go(&server.url);
