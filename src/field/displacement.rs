@@ -1,4 +1,5 @@
-//! A displacement field at the cell corners, for any mesh, with the forces of the sides and the charge.
+//! A displacement field at the cell corners, for any mesh, with the forces of the sides and the charge, and with
+//! heights where the membrane leaves its plane.
 
 use deaflow_pattern::{CELLS, Raster, Symmetry};
 
@@ -12,6 +13,9 @@ pub struct Field {
     values: Vec<f64>,
     reactions: Reactions,
     charge: f64,
+    /// One for each corner, or none in the plane.
+    heights: Vec<f64>,
+    volume: f64,
 }
 
 /// The unit of [`Field::charge`].
@@ -37,6 +41,14 @@ pub enum FieldError {
         /// The number of values.
         found: usize,
     },
+    /// The wrong number of heights.
+    #[error("a field on {raster} cells needs {} heights, found {found}", raster.corners())]
+    Heights {
+        /// The cells.
+        raster: Raster,
+        /// The number of heights.
+        found: usize,
+    },
     /// An infinity or NaN.
     #[error("value {at} of the field is not finite")]
     NotFinite {
@@ -49,7 +61,10 @@ impl Field {
     /// Returns the corner (column, row) with the largest displacement, the first of equal ones.
     #[must_use]
     pub fn most_moved(&self) -> [usize; 2] {
-        let square = |at: usize| self.values[2 * at].powi(2) + self.values[2 * at + 1].powi(2);
+        let square = |at: usize| {
+            let planar = self.values[2 * at].powi(2) + self.values[2 * at + 1].powi(2);
+            planar + self.height(at).powi(2)
+        };
         let larger = |best: usize, at: usize| if square(at) > square(best) { at } else { best };
         let at = (0..self.raster.corners()).fold(0, larger);
         let [columns, _] = self.raster.corner_sides();
@@ -66,6 +81,8 @@ impl Field {
             values: pairs.map(|(own, other)| beyond(*own, *other)).collect(),
             reactions: combined(&self.reactions, &from.reactions, beyond),
             charge: beyond(self.charge, from.charge),
+            heights: combined_heights(&self.heights, &from.heights, beyond),
+            volume: beyond(self.volume, from.volume),
         }
     }
 
@@ -77,6 +94,8 @@ impl Field {
             values: self.values.iter().map(|value| factor * value).collect(),
             reactions: self.reactions.map(|force| force.map(|value| factor * value)),
             charge: factor * self.charge,
+            heights: self.heights.iter().map(|height| factor * height).collect(),
+            volume: factor * self.volume,
         }
     }
 
@@ -84,11 +103,14 @@ impl Field {
     #[must_use]
     pub fn plus(&self, factor: f64, other: &Self) -> Self {
         let pairs = self.values.iter().zip(&other.values);
+        let sum = |own: f64, other: f64| own + factor * other;
         Self {
             raster: self.raster,
-            values: pairs.map(|(own, other)| own + factor * other).collect(),
-            reactions: combined(&self.reactions, &other.reactions, |own, other| own + factor * other),
-            charge: self.charge + factor * other.charge,
+            values: pairs.map(|(own, other)| sum(*own, *other)).collect(),
+            reactions: combined(&self.reactions, &other.reactions, sum),
+            charge: sum(self.charge, other.charge),
+            heights: combined_heights(&self.heights, &other.heights, sum),
+            volume: sum(self.volume, other.volume),
         }
     }
 
@@ -100,6 +122,8 @@ impl Field {
             values: vec![0.0; 2 * raster.corners()],
             reactions: Reactions::default(),
             charge: 0.0,
+            heights: Vec::new(),
+            volume: 0.0,
         }
     }
 
@@ -127,6 +151,55 @@ impl Field {
         self.charge
     }
 
+    /// Sets the displacements out of the plane in mm, `[y][x]`, and the volume between membrane and plane in ml.
+    ///
+    /// # Errors
+    /// When the number of heights is wrong, or one is not finite.
+    pub fn in_space(self, heights: Vec<f64>, volume: f64) -> Result<Self, FieldError> {
+        let raster = self.raster;
+        if heights.len() != raster.corners() {
+            let found = heights.len();
+            return Err(FieldError::Heights { raster, found });
+        }
+        let all = heights.iter().copied().chain([volume]);
+        match all.enumerate().find(|(_, value)| !value.is_finite()) {
+            Some((at, _)) => Err(FieldError::NotFinite { at }),
+            None => Ok(Self {
+                heights,
+                volume,
+                ..self
+            }),
+        }
+    }
+
+    /// All displacements out of the plane in mm, `[y][x]`; none of a membrane that stays in its plane.
+    #[must_use]
+    pub fn heights(&self) -> &[f64] {
+        &self.heights
+    }
+
+    /// The volume between the membrane and its plane in ml; zero in the plane.
+    #[must_use]
+    pub fn volume(&self) -> f64 {
+        self.volume
+    }
+
+    /// Returns the displacement out of the plane in mm at a corner, by its index in `[y][x]`; zero in the plane.
+    #[must_use]
+    pub fn height(&self, corner: usize) -> f64 {
+        self.heights.get(corner).copied().unwrap_or(0.0)
+    }
+
+    /// Returns the displacement out of the plane in mm at a point in cells, as [`Field::at`] does.
+    #[must_use]
+    pub fn height_at(&self, point_cells: [f64; 2]) -> f64 {
+        let weights = Self::interpolation_weights(self.raster, point_cells);
+        weights
+            .iter()
+            .map(|&(corner, weight)| self.height(corner) * weight)
+            .sum()
+    }
+
     /// Creates a field from its values in mm, two for each corner.
     ///
     /// # Errors
@@ -143,6 +216,8 @@ impl Field {
                 values,
                 reactions: Reactions::default(),
                 charge: 0.0,
+                heights: Vec::new(),
+                volume: 0.0,
             }),
         }
     }
@@ -208,10 +283,13 @@ impl Field {
     /// Returns the largest displacement magnitude of all corners in mm.
     #[must_use]
     pub fn max_magnitude(&self) -> f64 {
-        self.values
-            .chunks_exact(2)
-            .map(|u| u[0].hypot(u[1]))
-            .fold(0.0, f64::max)
+        self.magnitudes().fold(0.0, f64::max)
+    }
+
+    /// Returns the displacement magnitude of each corner in mm.
+    fn magnitudes(&self) -> impl Iterator<Item = f64> {
+        let corners = self.values.chunks_exact(2).enumerate();
+        corners.map(|(at, u)| u[0].hypot(u[1]).hypot(self.height(at)))
     }
 
     /// Returns the corner (column, row) with the largest displacement magnitude, the first of equal ones, and the
@@ -219,29 +297,27 @@ impl Field {
     #[must_use]
     pub fn largest(&self) -> ([usize; 2], f64) {
         let columns = self.raster.corner_sides()[0];
-        let magnitudes = self.values.chunks_exact(2).map(|u| u[0].hypot(u[1]));
         let larger = |best: (usize, f64), (at, mm): (usize, f64)| if mm > best.1 { (at, mm) } else { best };
-        let (at, mm) = magnitudes.enumerate().fold((0, 0.0), larger);
+        let (at, mm) = self.magnitudes().enumerate().fold((0, 0.0), larger);
         ([at % columns, at / columns], mm)
     }
 
     /// Returns the largest magnitude of the difference from `other` at all corners in mm.
     #[must_use]
     pub fn max_difference(&self, other: &Self) -> f64 {
-        let pairs = self.values.chunks_exact(2).zip(other.values.chunks_exact(2));
-        pairs.map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1])).fold(0.0, f64::max)
+        self.plus(-1.0, other).max_magnitude()
     }
 
     /// Returns the image under a symmetry, `(gu)(gX) = g·u(X)`; the vectors are transformed too.
     #[must_use]
     pub fn transformed(&self, g: Symmetry) -> Self {
-        let mut values = vec![0.0; self.values.len()];
-        for (u, to) in self
-            .values
-            .chunks_exact(2)
-            .zip(g.permutation(self.raster.corner_sides()))
-        {
+        let (mut values, mut heights) = (vec![0.0; self.values.len()], vec![0.0; self.heights.len()]);
+        let corners = self.values.chunks_exact(2).enumerate();
+        for ((at, u), to) in corners.zip(g.permutation(self.raster.corner_sides())) {
             values[2 * to..][..2].copy_from_slice(&g.apply_vector([u[0], u[1]]));
+            if let Some(height) = heights.get_mut(to) {
+                *height = self.height(at);
+            }
         }
         let mut reactions = Reactions::default();
         for (force, normal) in self.reactions.into_iter().zip(NORMALS) {
@@ -256,25 +332,33 @@ impl Field {
             values,
             reactions,
             charge: self.charge,
+            heights,
+            volume: self.volume,
         }
     }
 
     /// Returns the root mean square over all components of the difference from `other` in mm.
     #[must_use]
     pub fn rms_difference(&self, other: &Self) -> f64 {
-        let sum: f64 = self
-            .values
-            .iter()
-            .zip(&other.values)
-            .map(|(a, b)| (a - b).powi(2))
-            .sum();
-        (sum / self.values.len() as f64).sqrt()
+        let difference = self.plus(-1.0, other);
+        let all = difference.values.iter().chain(&difference.heights);
+        let sum: f64 = all.map(|value| value.powi(2)).sum();
+        (sum / (difference.values.len() + difference.heights.len()) as f64).sqrt()
     }
 }
 
 /// Combines two sets of forces number by number.
 fn combined(one: &Reactions, other: &Reactions, with: impl Fn(f64, f64) -> f64) -> Reactions {
     std::array::from_fn(|side| std::array::from_fn(|c| with(one[side][c], other[side][c])))
+}
+
+/// Combines heights number by number; those of a membrane in its plane are zero.
+fn combined_heights(one: &[f64], other: &[f64], with: impl Fn(f64, f64) -> f64) -> Vec<f64> {
+    let height = |of: &[f64], corner: usize| of.get(corner).copied().unwrap_or(0.0);
+    let corners = 0..one.len().max(other.len());
+    corners
+        .map(|corner| with(height(one, corner), height(other, corner)))
+        .collect()
 }
 
 #[cfg(test)]
@@ -326,6 +410,39 @@ mod tests {
         let twice = field.plus(1.0, &field);
         assert_eq!(twice, field.scaled(2.0));
         assert_eq!(twice.extrapolated(&field, 1.0).reactions()[3], [21.0, 24.0]);
+    }
+
+    #[test]
+    fn heights_move_with_the_symmetries_and_combine_with_a_membrane_in_its_plane() {
+        for raster in rasters() {
+            let heights: Vec<f64> = (0..raster.corners()).map(|i| (i * 29 % 83) as f64).collect();
+            let field = wavy(raster).in_space(heights, 1.5).unwrap();
+            let corners = raster.corner_sides();
+            for g in Symmetry::ALL {
+                let image = field.transformed(g);
+                assert_eq!(image.transformed(g.inverse()), field);
+                assert_eq!((image.max_magnitude(), image.volume()), (field.max_magnitude(), 1.5));
+                for (at, to) in g.permutation(corners).enumerate() {
+                    assert_eq!(image.height(to), field.height(at));
+                }
+            }
+            let flat = wavy(raster);
+            assert_eq!(field.plus(1.0, &field).plus(-1.0, &field), field);
+            assert_eq!(
+                flat.plus(0.5, &field.plus(-1.0, &flat)).height(3),
+                0.5 * field.height(3)
+            );
+            let raised = field.plus(-1.0, &flat);
+            assert_eq!(raised.max_difference(&Field::zero(raster)), raised.max_magnitude());
+            assert_eq!(raised.height_at([0.0, 0.0]), field.height(0));
+            assert!(raised.largest().1 == raised.max_magnitude() && raised.volume() == 1.5);
+            assert!(matches!(
+                flat.clone().in_space(vec![0.0], 0.0),
+                Err(FieldError::Heights { found: 1, .. })
+            ));
+            let infinite = vec![f64::INFINITY; raster.corners()];
+            assert_eq!(flat.in_space(infinite, 0.0), Err(FieldError::NotFinite { at: 0 }));
+        }
     }
 
     #[test]
