@@ -34,6 +34,7 @@ pub use analysis::{Analysed, Analysis};
 pub use equilibria::{Equilibria, SolveRequest, Solved};
 use history::HistoryArguments;
 pub use history::OutputTimes;
+pub use inflation::warnings_of_states;
 use modes::ModesArguments;
 pub use path::field_along;
 pub use response::Frequencies;

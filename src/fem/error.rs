@@ -166,7 +166,10 @@ pub enum SetupError {
         with: &'static str,
     },
     /// A pressure where only motion in the plane is simulated.
-    #[error("a pressure or volume is simulated by `deaflow solve` alone: remove `loads`")]
+    #[error(
+        "a pressure or volume is simulated in equilibria and paths of `deaflow solve` and in stages of kind `design` \
+             and `verify`, not here: remove `loads`"
+    )]
     UnderPressure,
     /// Bodies that move out of the plane with an incompatible setting.
     #[error("bodies that move out of the plane are not simulated with {with}")]
@@ -175,7 +178,10 @@ pub enum SetupError {
         with: &'static str,
     },
     /// Bodies that move out of the plane where only motion in the plane is simulated.
-    #[error("a `load` or `spring` of three numbers is simulated by `deaflow solve` alone: give two numbers")]
+    #[error(
+        "a `load` or `spring` of three numbers is simulated in equilibria of `deaflow solve` and in stages of kind \
+             `design` and `verify`, not here: give two numbers"
+    )]
     InSpace,
     /// A path that a scene with a pressure or a volume does not have.
     #[error("under the `loads` of the scene a path of the {parameter} cannot be followed")]
@@ -235,7 +241,7 @@ pub enum SetupError {
 }
 
 impl SetupError {
-    /// Returns why only `deaflow solve` simulates a scene; `None` for one in the plane.
+    /// Returns where a scene in space is simulated; `None` for one in the plane.
     #[must_use]
     pub fn in_space(scene: &Scene) -> Option<Self> {
         match scene.is_in_space() {

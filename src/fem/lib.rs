@@ -94,7 +94,7 @@ pub use laminates::check_covered_cells;
 pub use limit::CriticalSearch;
 pub use margin::StabilityReport;
 pub use observable::{CellState, Tension, cell_states};
-pub use out_of_plane::{Inflated, InflationOutcome, InflationSolver, Peak, SpatialMotion};
+pub use out_of_plane::{Inflated, InflationOutcome, InflationSolver, Peak, SpatialMotion, SpatialSolver};
 pub use path::{
     EventKind, InflationPath, InflationPathSolver, InflationPoint, LoadPath, NoPath, Observe, PathEnd, PathEvent,
     PathParameter, PathPoint, PathSolver, SideState,

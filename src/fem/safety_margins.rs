@@ -3,17 +3,24 @@
 use rayon::prelude::*;
 
 use super::effects::breakdown_strength;
-use super::{CriticalSearch, MembraneSolver, SetupError, SolveOptions};
+use super::{CriticalSearch, MembraneSolver, SetupError, SolveOptions, SpatialSolver};
 use deaflow_field::{Feasibility, Mesh, PredictError, Simulator};
 use deaflow_pattern::Pattern;
 use deaflow_scene::Scene;
 
 /// Checks the margins of patterns.
 pub struct SafetyMargins {
-    /// Search at the voltage times the margin, at which every pattern must be stable on any mesh.
-    pull_in: Option<CriticalSearch>,
+    pull_in: Option<Stability>,
     /// Solver for the breakdown ratio, and the largest allowed ratio.
-    breakdown: Option<(MembraneSolver, f64)>,
+    breakdown: Option<(Box<dyn Simulator + Send>, f64)>,
+}
+
+/// At the voltage times the margin every pattern must be stable.
+enum Stability {
+    /// On any mesh.
+    InPlane(Box<CriticalSearch>),
+    /// On the mesh of the search.
+    InSpace(Box<SpatialSolver>),
 }
 
 impl SafetyMargins {
@@ -26,15 +33,20 @@ impl SafetyMargins {
         let options = SolveOptions::on(Mesh::biquadratic(1));
         let pull_in = pull_in.map(|margin| {
             let driven = scene.at_voltage(scene.voltage_v() * margin);
-            CriticalSearch::new(&driven, options)
+            Ok(match driven.is_in_space() {
+                true => Stability::InSpace(Box::new(SpatialSolver::new(&driven, options)?)),
+                false => Stability::InPlane(Box::new(CriticalSearch::new(&driven, options)?)),
+            })
         });
         let breakdown = breakdown.map(|margin| {
             let mut effects = scene.effects.clone();
             effects.dielectric_breakdown = breakdown_strength(scene);
-            Ok((
-                MembraneSolver::new(&scene.with_effects(effects), options)?,
-                1.0 / margin,
-            ))
+            let observed = scene.with_effects(effects);
+            let solver: Box<dyn Simulator + Send> = match observed.is_in_space() {
+                true => Box::new(SpatialSolver::new(&observed, options)?),
+                false => Box::new(MembraneSolver::new(&observed, options)?),
+            };
+            Ok((solver, 1.0 / margin))
         });
         let margins = Self {
             pull_in: pull_in.transpose()?,
@@ -47,11 +59,16 @@ impl SafetyMargins {
 impl Feasibility for SafetyMargins {
     fn feasible(&self, patterns: &[Pattern]) -> Result<Vec<bool>, PredictError> {
         let mut verdicts = vec![true; patterns.len()];
-        if let Some(search) = &self.pull_in {
-            verdicts = patterns
-                .par_iter()
-                .map(|pattern| search.is_certainly_stable(pattern))
-                .collect();
+        match &self.pull_in {
+            None => {}
+            Some(Stability::InPlane(search)) => {
+                let each = patterns.par_iter();
+                verdicts = each.map(|pattern| search.is_certainly_stable(pattern)).collect();
+            }
+            Some(Stability::InSpace(solver)) => {
+                let results = solver.simulate(patterns).into_iter();
+                verdicts = results.map(|result| result.outcome.is_converged()).collect();
+            }
         }
         if let Some((solver, most)) = &self.breakdown {
             for (verdict, result) in verdicts.iter_mut().zip(solver.simulate(patterns)) {

@@ -42,6 +42,24 @@ impl Grid {
     /// Returns forces at the cell corners as nodal forces: the transpose of sampling at a displacement `u`.
     #[must_use]
     pub fn spread(&self, corners: &Field, u: &[f64]) -> Vec<f64> {
+        let mut vector = self.scatter(corners);
+        self.restrict(u, &mut vector);
+        vector
+    }
+
+    /// Returns forces out of the plane at the cell corners, `[y][x]`, as nodal forces: the transpose of
+    /// [`Self::sample_heights`], also on nodes that are held.
+    #[must_use]
+    pub fn spread_heights(&self, forces: &[f64]) -> Vec<f64> {
+        let pairs = forces.iter().flat_map(|force| [*force, 0.0]).collect();
+        let corners = Field::from_values(self.raster(), pairs).expect("there is a finite force for each corner");
+        let mut vector = self.scatter(&corners);
+        vector.truncate(vector.len() / 2);
+        vector
+    }
+
+    /// Returns forces at the cell corners as nodal forces, also on nodes that are held.
+    fn scatter(&self, corners: &Field) -> Vec<f64> {
         let (layout, [columns, _]) = (self.layout(), self.raster().corner_sides());
         let mut vector = vec![0.0; layout.vector_len()];
         for (at, value) in corners.values().iter().enumerate() {
@@ -49,7 +67,6 @@ impl Grid {
             vector[self.corner(c, x, y)] = *value;
         }
         self.spread_moved(corners, &mut vector);
-        self.restrict(u, &mut vector);
         vector
     }
 

@@ -15,6 +15,8 @@ words! {
         Predicted = "predicted",
         /// The estimate failed.
         NoEstimate = "no-estimate",
+        /// There is no stable equilibrium under the pressure or at the volume.
+        LimitPoint = "limit-point",
         /// The membrane snaps through.
         PullIn = "pull-in",
         /// Rank-one convexity is lost.

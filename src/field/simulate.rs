@@ -21,6 +21,14 @@ pub enum Outcome {
     /// Such a method found no physical state: an element is inverted, ellipticity is lost, or the residual is larger
     /// than that of the undeflected membrane. The stability is unknown.
     NoEstimate,
+    /// There is no stable equilibrium under the full pressure, or at the full volume: stability is lost between two
+    /// shares of this load.
+    LimitPoint {
+        /// The largest share at which a stable equilibrium was found.
+        last_stable: f64,
+        /// The smallest share at which none was found.
+        first_unstable: f64,
+    },
     /// Pull-in: there is no stable equilibrium at the full voltage. Stability is lost between the two voltages in V.
     PullIn {
         /// The highest voltage at which a stable equilibrium was found.
@@ -71,6 +79,7 @@ impl Outcome {
             Self::Converged => OutcomeKind::Converged,
             Self::Estimated => OutcomeKind::Estimated,
             Self::NoEstimate => OutcomeKind::NoEstimate,
+            Self::LimitPoint { .. } => OutcomeKind::LimitPoint,
             Self::PullIn { .. } => OutcomeKind::PullIn,
             Self::NotElliptic { .. } => OutcomeKind::NotElliptic,
             Self::Slack { .. } => OutcomeKind::Slack,
@@ -140,6 +149,14 @@ impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some([stable, unstable]) = self.time_bracket() {
             return write!(f, "{} between {stable:.6} s and {unstable:.6} s", self.name());
+        }
+        if let Self::LimitPoint {
+            last_stable,
+            first_unstable,
+        } = self
+        {
+            let name = self.name();
+            return write!(f, "{name} between {last_stable:.4} and {first_unstable:.4} of the load");
         }
         match self.bracket() {
             Some([0.0, 0.0]) => write!(f, "{} at 0 V: no stable state under the loads alone", self.name()),

@@ -4,13 +4,14 @@ use crate::results::breakdown;
 use deaflow_fem::effects::breakdown_strength;
 use deaflow_scene::Scene;
 
-/// Warns of an electric field in a state of a pattern that is close to the breakdown field or exceeds it.
-pub fn warning(scene: &Scene, index: usize, ratio: f64) -> Option<String> {
+/// Warns of an electric field in a state of a pattern, which has a name, that is close to the breakdown field or exceeds
+/// it.
+pub fn warning(scene: &Scene, name: &str, ratio: f64) -> Option<String> {
     let assumed = match breakdown_strength(scene) {
         Some(_) => "",
         None => " (Huang's law assumed)",
     };
-    breakdown(ratio).map(|words| format!("pattern {index}: {words}{assumed}"))
+    breakdown(ratio).map(|words| format!("{name}: {words}{assumed}"))
 }
 
 /// E/E_B at the points of a path, 0 where the state is not stable.
@@ -58,7 +59,7 @@ impl FieldAlongPath {
     ) -> Option<String> {
         let largest = self.0.iter().copied().fold(0.0, f64::max);
         let Some(reached) = self.reached() else {
-            return warning(scene, index, largest);
+            return warning(scene, &format!("pattern {index}"), largest);
         };
         let from = at(&reached);
         let before = if is_lost { ", before the loss of stability" } else { "" };

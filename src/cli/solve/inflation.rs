@@ -96,18 +96,12 @@ impl SpatialEquilibria {
 /// # Errors
 /// When they cannot be resolved.
 pub fn resolved(given: &Scene) -> Result<(Scene, Option<String>), CliError> {
-    let mut flat = resolve(&given.in_plane())?;
-    let left_out = given.auto && flat.effects.fringe_field.take().is_some();
+    let left_out = given.auto && resolve(&given.in_plane())?.effects.fringe_field.is_some();
     let warning = left_out.then(|| {
         let what = under_pressure_or_in_space(given);
         format!("`effects: auto` chooses `fringe_field`, which is not simulated {what} and is left out")
     });
-    let scene = Scene {
-        loads: given.loads.clone(),
-        geometry: given.geometry.clone(),
-        ..flat
-    };
-    Ok((scene, warning))
+    Ok((resolve(given)?, warning))
 }
 
 /// Refuses options of the command that are not simulated in space.
@@ -188,18 +182,27 @@ pub fn components(displacement: &Field, heights: &[f64]) -> impl Iterator<Item =
 }
 
 fn warnings(scene: &Scene, found: &[Inflated]) -> Result<Vec<String>, SetupError> {
-    let stable = || found.iter().enumerate().filter(|(_, one)| is_stable(one));
-    let fields = stable().filter_map(|(index, one)| breakdown::warning(scene, index, one.breakdown_ratio));
-    let compressed = stable().filter_map(|(index, one)| compressed(scene, index, one.compressed));
-    let neglected = model_warnings::in_space(scene)?.into_iter();
-    Ok(neglected.chain(fields).chain(compressed).collect())
+    let named = found
+        .iter()
+        .enumerate()
+        .map(|(index, one)| (format!("pattern {index}"), one));
+    let of_states = warnings_of_states(scene, &named.collect::<Vec<_>>());
+    Ok(model_warnings::in_space(scene)?.into_iter().chain(of_states).collect())
+}
+
+/// Warns of states of patterns, which have names: of fields close to breakdown, and of compressed membranes.
+pub fn warnings_of_states(scene: &Scene, found: &[(String, &Inflated)]) -> Vec<String> {
+    let stable = || found.iter().filter(|(_, one)| is_stable(one));
+    let fields = stable().filter_map(|(name, one)| breakdown::warning(scene, name, one.breakdown_ratio));
+    let compressed = stable().filter_map(|(name, one)| compressed(scene, name, one.compressed));
+    fields.chain(compressed).collect()
 }
 
 /// Warns of a compressed share of a membrane.
-pub fn compressed(scene: &Scene, index: usize, share: f64) -> Option<String> {
+pub fn compressed(scene: &Scene, name: &str, share: f64) -> Option<String> {
     (scene.effects.wrinkling.is_none() && share >= COMPRESSED).then(|| {
         format!(
-            "pattern {index}: {:.1} % of the membrane is compressed and would wrinkle; simulate `wrinkling`",
+            "{name}: {:.1} % of the membrane is compressed and would wrinkle; simulate `wrinkling`",
             100.0 * share
         )
     })

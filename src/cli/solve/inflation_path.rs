@@ -206,7 +206,7 @@ fn branch((index, path): (usize, &InflationPath)) -> Branch {
 fn warnings(scene: &Scene, paths: &[InflationPath]) -> Result<Vec<String>, SetupError> {
     let of_one = |(index, path): (usize, &InflationPath)| {
         let most = path.points.iter().map(|point| point.compressed).fold(0.0, f64::max);
-        compressed(scene, index, most)
+        compressed(scene, &format!("pattern {index}"), most)
     };
     let compressed = paths.iter().enumerate().filter_map(of_one);
     let fields = paths.iter().enumerate().filter_map(|(index, path)| {

@@ -10,6 +10,7 @@ use crate::capacitance::is_clustered;
 use crate::error::SetupError;
 use crate::krylov::LARGE;
 use crate::lanes::WIDEST;
+use crate::out_of_plane::InflationSolver;
 use crate::rectangle::is_large_or_long;
 use crate::response::check_sides;
 use crate::time::{HistoryOptions, HistoryRequest, HistorySolver, refusal};
@@ -128,6 +129,17 @@ impl SolverParameters {
     /// # Errors
     /// If they ask for a history and the scene cannot be simulated in time, or for an estimate that it does not allow.
     pub fn check_scene(&self, map: &Map<'_>, scene: &Scene) -> Result<(), InputError> {
+        if scene.is_in_space() {
+            let keys = ["method", "history", "accuracy"].into_iter();
+            let node = keys.filter_map(|key| map.optional(key)).next();
+            let refused = |error: SetupError| {
+                let message = error.to_string();
+                node.map_or_else(|| map.error(message.clone()), |node| node.error(message.clone()))
+            };
+            self.mesh_in_space(scene).map_err(refused)?;
+            let mut states = scene.in_states().into_iter();
+            return states.try_for_each(|(_, state)| InflationSolver::check(&state).map_err(refused));
+        }
         if let (Some(node), Err(why)) = (map.optional("method"), self.check_method(scene)) {
             return Err(node.error(why.to_string()));
         }
@@ -352,6 +364,20 @@ impl SolverParameters {
             mesh: MeshRequest::Fixed(mesh),
             ..self.clone()
         })
+    }
+
+    /// Returns the mesh of equilibria in space.
+    ///
+    /// # Errors
+    /// If the parameters ask for anything else.
+    pub(super) fn mesh_in_space(&self, scene: &Scene) -> Result<Mesh, SetupError> {
+        let refused = |with| Err(SetupError::not_in_space(scene, with));
+        match (self.follows_time(), self.method, self.mesh) {
+            (true, ..) => refused("a `history`"),
+            (_, Method::Linear | Method::Chord(_), _) => refused("a `method` other than `newton`"),
+            (.., MeshRequest::Accuracy(_)) => refused("`accuracy`: give `elements_per_cell` and `order`"),
+            (false, Method::Newton, MeshRequest::Fixed(mesh)) => Ok(mesh),
+        }
     }
 
     /// Returns the parameters of equilibria, or histories of these, on a mesh.

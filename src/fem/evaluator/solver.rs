@@ -10,6 +10,7 @@ use crate::accurate::{AccurateSimulation, AccurateSolver};
 use crate::error::SetupError;
 use crate::laminates::check_covered_cells;
 use crate::observable::CellState;
+use crate::out_of_plane::SpatialSolver;
 use crate::response::{Estimator, LinearResponse};
 use crate::screening::resolve;
 use crate::solver::{MembraneSolver, SolveOptions};
@@ -49,6 +50,8 @@ enum Engine {
     Estimate(Box<Estimator>, Mesh),
     /// The drive in time.
     History(Box<HistorySolver>),
+    /// Newton's method in space on one mesh.
+    Spatial(Box<SpatialSolver>, Mesh),
 }
 
 impl Solver {
@@ -72,6 +75,11 @@ impl Solver {
         let tolerance = parameters.tolerance();
         let (times, mesh) = (parameters.times(), parameters.mesh_request());
         let engine = match (times, mesh, parameters.method().chord_steps()) {
+            _ if scene.is_in_space() => {
+                let mesh = parameters.mesh_in_space(scene)?;
+                let solver = SpatialSolver::new(scene, SolveOptions { mesh, tolerance })?;
+                Engine::Spatial(Box::new(solver.within(limit)), mesh)
+            }
             (Some(times), ..) => Engine::History(Box::new(parameters.history_solver(scene, times)?)),
             (None, MeshRequest::Accuracy(accuracy), _) => {
                 let solver = AccurateSolver::new(scene, accuracy.value(), tolerance)?;
@@ -114,7 +122,7 @@ impl Solver {
     #[must_use]
     pub fn observed<'a>(&self, effects: &'a Effects) -> Cow<'a, Effects> {
         match self.engine {
-            Engine::Estimate(..) | Engine::History(_) => Cow::Owned(Effects::default()),
+            Engine::Estimate(..) | Engine::History(_) | Engine::Spatial(..) => Cow::Owned(Effects::default()),
             Engine::Fixed(_) | Engine::Accurate(_) => Cow::Borrowed(effects),
         }
     }
@@ -127,6 +135,7 @@ impl Solver {
         match &self.engine {
             Engine::Fixed(solver) => Ok(solver),
             Engine::Accurate(_) | Engine::Estimate(..) | Engine::History(_) => Err(SetupError::SeveralMeshes),
+            Engine::Spatial(..) => Err(SetupError::not_in_space(&self.scene, "states of cells")),
         }
     }
 
@@ -167,6 +176,7 @@ impl Solver {
             Engine::Accurate(solver) => solver.simulate(patterns),
             Engine::Fixed(solver) => Ok(on(solver.mesh(), solver.simulate(patterns))),
             Engine::Estimate(estimator, mesh) => Ok(on(*mesh, estimator.simulate(patterns))),
+            Engine::Spatial(solver, mesh) => Ok(on(*mesh, solver.simulate(patterns))),
             Engine::History(solver) => {
                 let each = patterns.par_iter();
                 each.map(|pattern| solver.displace(pattern).map(|found| last_state(&found)))
@@ -203,6 +213,9 @@ impl Solver {
         if patterns.iter().any(|pattern| pattern.coverage().is_some()) {
             check_covered_cells(&self.scene)?;
             self.parameters.check_covered_cells()?;
+            if self.scene.is_in_space() {
+                return Err(SetupError::not_in_space(&self.scene, "cells that are covered in part"));
+            }
             if self.gamma != 0.0 {
                 return Err(SetupError::Coverage {
                     with: "`viscoelasticity`",

@@ -45,7 +45,7 @@ const ARMIJO: f64 = 1e-4;
 /// The same where the potential is known to rounding only: share of the slope along a step that may be left.
 const LEFT: f64 = 0.9;
 /// ρ in units of the stiffness of the membrane against a pressure.
-const STIFF: f64 = 10.0;
+pub(super) const STIFF: f64 = 10.0;
 /// Residual of the change of a state with its volume.
 const ALONG: f64 = 1e-8;
 /// Compression below this share of the largest tension of a point is rounding.
@@ -172,25 +172,33 @@ pub struct InflationSolver {
 }
 
 impl InflationSolver {
+    /// Checks that a scene has a pressure or a volume, or bodies that move out of the plane, and nothing that is not
+    /// simulated with them.
+    ///
+    /// # Errors
+    /// If it has none, or sides that are not held, a charge or a fringe field.
+    pub fn check(scene: &Scene) -> Result<(), SetupError> {
+        if !scene.is_in_space() {
+            return Err(SetupError::NoPressure);
+        }
+        let excluded = [
+            (scene.geometry.sides.is_some(), "`sides` that are not held"),
+            (scene.drive.charge.is_some(), "a `charge`"),
+            (scene.effects.fringe_field.is_some(), "`fringe_field`"),
+        ];
+        match excluded.into_iter().find(|(is_on, _)| *is_on) {
+            Some((_, with)) => Err(SetupError::not_in_space(scene, with)),
+            None => Ok(()),
+        }
+    }
+
     /// Creates a solver for a scene with a pressure or a volume, or with bodies that move out of the plane.
     ///
     /// # Errors
     /// If the scene has none, has sides that are not held or effects that are not simulated with it, or an option is
     /// out of range.
     pub fn new(scene: &Scene, options: SolveOptions) -> Result<Self, SetupError> {
-        if !scene.is_in_space() {
-            return Err(SetupError::NoPressure);
-        }
-        let refused = |with| Err(SetupError::not_in_space(scene, with));
-        if scene.geometry.sides.is_some() {
-            return refused("`sides` that are not held");
-        }
-        if scene.drive.charge.is_some() {
-            return refused("a `charge`");
-        }
-        if scene.effects.fringe_field.is_some() {
-            return refused("`fringe_field`");
-        }
+        Self::check(scene)?;
         let solver = MembraneSolver::new(&scene.in_plane(), options)?;
         let heights = OutOfPlane::new(&solver.grid).ok_or(SetupError::Memory)?;
         if !heights.moves() {
@@ -292,40 +300,69 @@ impl InflationSolver {
     /// Finds the equilibrium of a pattern.
     #[must_use]
     pub fn solve(&self, pattern: &Pattern) -> Inflated {
+        self.inflated(self.find(pattern))
+    }
+
+    /// Finds the equilibrium of a pattern, without dimension.
+    pub(super) fn find(&self, pattern: &Pattern) -> Found {
         let flat = self.solver.solve(pattern);
-        let plane = self.solver.grid.layout().vector_len() / 2;
-        let mut x = flat.displacement.clone();
-        x.resize(3 * plane, 0.0);
-        let mut found = Found {
-            outcome: InflationOutcome::Flat(flat.outcome),
-            x,
-            pressure: 0.0,
-            volume: 0.0,
-            compressed: 0.0,
-            breakdown_ratio: 0.0,
-            steps: 0,
-            iterations: 0,
+        let mut x = flat.displacement;
+        x.resize(3 * (x.len() / 2), 0.0);
+        let mut found = match flat.outcome.is_converged() {
+            true => self.raise(&self.solver.model.activity(&self.solver.grid, pattern), x),
+            false => Found {
+                outcome: InflationOutcome::Flat(flat.outcome),
+                state: State { x, pressure: 0.0 },
+                tension: 1.0,
+                volume: 0.0,
+                compressed: 0.0,
+                breakdown_ratio: 0.0,
+                steps: 0,
+                iterations: 0,
+            },
         };
-        if flat.outcome.is_converged() {
-            found = self.solver.model.with(Inflate {
+        found.steps += flat.newton_iterations;
+        found.iterations += flat.krylov_iterations;
+        found
+    }
+
+    /// Finds the equilibrium of electrodes from their flat state.
+    pub(super) fn raise(&self, activity: &Activity, start: Vec<f64>) -> Found {
+        self.solver.model.with(Inflate {
+            solver: self,
+            activity,
+            start,
+        })
+    }
+
+    /// Finds the equilibrium of a pattern from that of another one with nearly the same electrodes; from the flat state
+    /// where there is none near it.
+    pub(super) fn find_near(&self, pattern: &Pattern, start: &Found) -> Found {
+        let near = (start.outcome == InflationOutcome::Converged).then(|| {
+            self.solver.model.with(InflateNear {
                 solver: self,
                 activity: &self.solver.model.activity(&self.solver.grid, pattern),
-                start: found.x,
-            });
-        }
-        let (displacement, heights) = self.sample(&found.x);
-        let (planar, height) = found.x.split_at(2 * plane);
+                start,
+            })
+        });
+        near.flatten().unwrap_or_else(|| self.find(pattern))
+    }
+
+    /// Returns an equilibrium in units of the scene.
+    pub(super) fn inflated(&self, found: Found) -> Inflated {
+        let (displacement, heights) = self.sample(&found.state.x);
+        let (planar, height) = found.state.x.split_at(2 * (found.state.x.len() / 3));
         Inflated {
             outcome: found.outcome,
             displacement,
             heights,
-            pressure: self.units[0] * found.pressure,
+            pressure: self.units[0] * found.state.pressure,
             volume: self.units[1] * found.volume,
             bodies: self.motions(planar, height),
             compressed: found.compressed,
             breakdown_ratio: found.breakdown_ratio,
-            newton_iterations: flat.newton_iterations + found.steps,
-            krylov_iterations: flat.krylov_iterations + found.iterations,
+            newton_iterations: found.steps,
+            krylov_iterations: found.iterations,
         }
     }
 
@@ -344,11 +381,13 @@ impl InflationSolver {
     }
 }
 
-/// A state, without dimension.
-struct Found {
-    outcome: InflationOutcome,
-    x: Vec<f64>,
-    pressure: f64,
+/// A state with what follows from it, without dimension.
+#[derive(Clone)]
+pub(super) struct Found {
+    pub outcome: InflationOutcome,
+    pub state: State,
+    /// That of [`Search`].
+    pub tension: f64,
     volume: f64,
     compressed: f64,
     breakdown_ratio: f64,
@@ -369,15 +408,47 @@ impl WithMaterial for Inflate<'_> {
         let law = material(1.0);
         let mut search = self.solver.search(&law, self.activity);
         let (state, outcome) = search.raise(self.start, self.solver.load);
-        Found {
+        Found::new(self.solver, &search, state, outcome)
+    }
+}
+
+struct InflateNear<'a> {
+    solver: &'a InflationSolver,
+    activity: &'a Activity,
+    start: &'a Found,
+}
+
+impl WithMaterial for InflateNear<'_> {
+    type Output = Option<Found>;
+
+    fn run<L: Material, F: Fn(f64) -> L + Sync>(self, material: F) -> Option<Found> {
+        let (law, load) = (material(1.0), self.solver.load);
+        let mut search = self.solver.search(&law, self.activity);
+        // Without a load stability is another question.
+        if !search.is_loaded(load) {
+            return None;
+        }
+        search.tension = self.start.tension;
+        let mut state = self.start.state.clone();
+        search.settle(&mut state, load, false).ok()?;
+        Some(Found::new(self.solver, &search, state, InflationOutcome::Converged))
+    }
+}
+
+impl Found {
+    fn new<L: Material>(
+        solver: &InflationSolver,
+        search: &Search<'_, L>,
+        state: State,
+        outcome: InflationOutcome,
+    ) -> Self {
+        Self {
             outcome,
-            pressure: state.pressure,
             volume: search.volume(&state.x),
             compressed: search.compressed(&state.x),
-            breakdown_ratio: self
-                .solver
-                .breakdown_ratio(&search, &state.x, self.solver.solver.scene.voltage_v()),
-            x: state.x,
+            breakdown_ratio: solver.breakdown_ratio(search, &state.x, solver.solver.scene.voltage_v()),
+            state,
+            tension: search.tension,
             steps: search.steps,
             iterations: search.iterations,
         }
@@ -425,8 +496,7 @@ impl<L: Material> Search<'_, L> {
         let (mut reached, mut step) = (0.0, 1.0_f64);
         let mut outcome = InflationOutcome::Converged;
         let mut loads = 0;
-        let is_lifted = self.surface.bodies.iter().any(|body| body.lift().load != 0.0);
-        let is_loaded = load.abs() >= NONE || is_lifted;
+        let is_loaded = self.is_loaded(load);
         if !is_loaded {
             outcome = match self.probe_flat(&state) {
                 Ok(()) => InflationOutcome::Converged,
@@ -462,6 +532,12 @@ impl<L: Material> Search<'_, L> {
             }
         }
         (state, outcome)
+    }
+
+    /// Returns whether a load, or a force on a body, moves the membrane out of its plane.
+    fn is_loaded(&self, load: f64) -> bool {
+        let is_lifted = self.surface.bodies.iter().any(|body| body.lift().load != 0.0);
+        load.abs() >= NONE || is_lifted
     }
 
     /// Returns the volume between a state and its plane; 0 where the law is not defined.
@@ -507,7 +583,7 @@ impl<L: Material> Search<'_, L> {
     }
 
     /// Returns the tangent at a state, b, and its image by the preconditioner.
-    fn pressed_at(&mut self, x: &[f64]) -> Result<(Linearised, Vec<f64>, Vec<f64>), Failure> {
+    pub(super) fn pressed_at(&mut self, x: &[f64]) -> Result<(Linearised, Vec<f64>, Vec<f64>), Failure> {
         let [mut forces, mut pressed] = [(); 2].map(|()| vec![0.0; x.len()]);
         self.surface
             .evaluate(x, &mut forces, &mut pressed)

@@ -13,7 +13,7 @@ use super::lifted::Lifted;
 use super::point::{PointState, Spatial, apply, root, second_stress};
 use crate::element::{Bilinear, Biquadratic, Element};
 use crate::grid::Grid;
-use crate::kinematics::{Tensor, cofactor, contract, determinant};
+use crate::kinematics::{Tensor, add_scaled, cofactor, contract, determinant};
 use crate::material::Material;
 use crate::operator::Activity;
 use crate::rigid::Pose;
@@ -208,6 +208,35 @@ impl<L: Material> Surface<'_, L> {
             cell.strongest = cell.strongest.max(self.activity.strongest(element[1])[element[0]]);
         }
         cells
+    }
+
+    /// Returns −ψ · ∂F/∂S of each cell, `[y][x]`, for the forces F and the activities S, in which the energy is linear.
+    pub fn of_cells(&self, x: &[f64], adjoint: &[f64]) -> Option<Vec<f64>> {
+        match self.grid().order() {
+            Order::Bilinear => self.of_cells_by::<Bilinear, 4>(x, adjoint),
+            Order::Biquadratic => self.of_cells_by::<Biquadratic, 9>(x, adjoint),
+        }
+    }
+
+    fn of_cells_by<E: Element<N>, const N: usize>(&self, x: &[f64], adjoint: &[f64]) -> Option<Vec<f64>> {
+        let raster = self.grid().raster();
+        let mut cells = vec![0.0; raster.cells()];
+        for element in membrane(self.grid()) {
+            let nodes = self.grid().nodes_of::<N>(element);
+            let (gradients, _) = self.at_points::<E, N>(element, &self.nodal(x, &nodes));
+            let mut stress = [[[0.0; 2]; 3]; N];
+            for q in 0..N {
+                let u = root(self.material, &gradients[q])?;
+                let [active, bare] = [1.0, 0.0].map(|active| second_stress(self.material, u, active));
+                stress[q] = gradients[q].map(|row| apply(add_scaled(active, -1.0, bare), row));
+            }
+            let forces = self.forces_of::<E, N>(element, &stress);
+            let adjoint = self.nodal(adjoint, &nodes);
+            let pairs = forces.as_flattened().iter().zip(adjoint.as_flattened());
+            let [column, row] = self.grid().cell_of(element);
+            cells[row * raster.columns() + column] -= pairs.map(|(force, psi)| force * psi).sum::<f64>();
+        }
+        Some(cells)
     }
 
     /// Prepares tangents at a state; `None` where the law is not defined.

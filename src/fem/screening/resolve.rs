@@ -140,10 +140,23 @@ pub fn resolved_states(scene: &Scene) -> Result<Vec<Scene>, SetupError> {
     Ok(decided.in_states().into_iter().map(|(_, scene)| scene).collect())
 }
 
-/// Decides the effects of a scene; returns it unchanged unless it says `effects: auto`.
+/// Decides the effects of a scene; returns it unchanged unless it says `effects: auto`. In space they are those of the
+/// flat membrane, without a fringe field, which is not simulated there.
 ///
 /// # Errors
 /// If its effects cannot be simulated.
 pub fn resolve(scene: &Scene) -> Result<Scene, SetupError> {
-    if scene.auto { decide(scene) } else { Ok(scene.clone()) }
+    if !scene.auto {
+        return Ok(scene.clone());
+    }
+    if !scene.is_in_space() {
+        return decide(scene);
+    }
+    let mut flat = decide(&scene.in_plane())?;
+    flat.effects.fringe_field = None;
+    Ok(Scene {
+        loads: scene.loads.clone(),
+        geometry: scene.geometry.clone(),
+        ..flat
+    })
 }
