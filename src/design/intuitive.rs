@@ -131,7 +131,7 @@ fn rank(aims: &[PlacedAim], raster: Raster, cell: usize, drivers: &[u8]) -> Rank
 
 /// The signed distance of a position relative to its point from the line through the point. The design for a rotation
 /// is a windmill: four blades, each of which pushes one side of the body. That for an area covers the region, or all
-/// but the region, the cells that are farther in first.
+/// but the region, the cells that are farther in first. That for a height or a volume covers all, or nothing.
 fn before(aim: &PlacedAim, from: [f64; 2], cell: [usize; 2]) -> f64 {
     let along = from[0] * aim.direction[0] + from[1] * aim.direction[1];
     match &aim.subject {
@@ -145,6 +145,10 @@ fn before(aim: &PlacedAim, from: [f64; 2], cell: [usize; 2]) -> f64 {
                 false => distance,
             };
             aim.direction[0] * inside
+        }
+        // The softest part is about the point: the nearest cells first, or the farthest for the opposite.
+        Subject::Height | Subject::BodyHeight(_) | Subject::Volume(_) => {
+            aim.direction[0] * (from[0].hypot(from[1]) - FARTHEST)
         }
         Subject::Rotation(_) => -aim.direction[0] * from[0].hypot(from[1]) * (4.0 * from[1].atan2(from[0])).sin(),
     }

@@ -189,7 +189,7 @@ fn refuse_points_on_frame(target: &Target, scene: &Scene, node: &Node) -> Result
         .goal
         .aims()
         .iter()
-        .filter(|aim| matches!(aim.subject, Subject::Point));
+        .filter(|aim| matches!(aim.subject, Subject::Point | Subject::Height));
     let mut cells = points.map(|aim| [0, 1].map(|axis| (aim.point[axis] as usize).min(sides[axis] - 1)));
     match cells.find(|[x, y]| parts.at(*x, *y) == Part::Frame) {
         None => Ok(()),

@@ -41,6 +41,14 @@ pub enum Motion {
     Grow(bool),
     /// An area strain of a region.
     GrowBy(f64),
+    /// A height as far as possible; true is up.
+    Rise(bool),
+    /// A height in mm.
+    RiseBy(f64),
+    /// A volume as far as possible; true is larger.
+    Fill(bool),
+    /// A volume in ml.
+    FillBy(f64),
 }
 
 /// Two marker points, whose displacements give the translation and rotation of a rigid body.
@@ -61,7 +69,8 @@ pub struct BodyMarkers {
 pub struct PlacedAim {
     /// Position in cells.
     pub point: [f64; 2],
-    /// Unit vector; (1, 0) for a counterclockwise rotation and a larger area, (−1, 0) for their opposites.
+    /// Unit vector; (1, 0) for a counterclockwise rotation, a larger area or volume and a greater height, (−1, 0) for
+    /// their opposites.
     pub direction: [f64; 2],
     /// Target displacement in mm; zero without a target.
     pub target: [f64; 2],
@@ -86,7 +95,16 @@ pub enum Subject {
     Reaction(usize),
     /// The edge of a region: the growth of the disc of the same area.
     Region(RegionCells),
+    /// A point out of the plane.
+    Height,
+    /// A rigid body out of the plane, with the column and row of a corner of cells that moves with it.
+    BodyHeight([usize; 2]),
+    /// The volume between the membrane and its plane: its mean height in mm for each ml.
+    Volume(f64),
 }
+
+/// Cubic millimetres of a millilitre.
+const CUBIC_MM: f64 = 1e3;
 
 impl Aim {
     /// The aim of a point with weight 1 in the first state.
@@ -119,6 +137,12 @@ impl Aim {
             return Err(GoalError::Weight(self.weight));
         }
         let (subject, arm_mm) = match (self.motion.turns(), self.body, self.reaction, &self.region) {
+            _ if self.motion.fills() => {
+                let mean_height = CUBIC_MM / membrane.size_mm.iter().product::<f64>();
+                (Subject::Volume(mean_height), mean_height)
+            }
+            (_, Some(markers), ..) if self.motion.rises() => (Subject::BodyHeight(markers.ends[0]), 0.0),
+            _ if self.motion.rises() => (Subject::Height, 0.0),
             (false, _, _, Some(region)) => (Subject::Region(region.clone()), region.radius_mm()),
             (false, None, Some(side), None) => (Subject::Reaction(side), 0.0),
             (false, None, None, None) => (Subject::Point, 0.0),
@@ -142,7 +166,18 @@ impl Motion {
     /// Whether there is a target displacement or angle, not only a direction.
     #[must_use]
     pub fn has_target(&self) -> bool {
-        !matches!(self, Self::Along(_) | Self::Turn(_) | Self::Grow(_))
+        !matches!(
+            self,
+            Self::Along(_) | Self::Turn(_) | Self::Grow(_) | Self::Rise(_) | Self::Fill(_)
+        )
+    }
+
+    fn rises(self) -> bool {
+        matches!(self, Self::Rise(_) | Self::RiseBy(_))
+    }
+
+    fn fills(self) -> bool {
+        matches!(self, Self::Fill(_) | Self::FillBy(_))
     }
 
     fn turns(self) -> bool {
@@ -150,7 +185,7 @@ impl Motion {
     }
 
     /// The direction, and the target displacement in mm; of a rotation the arc length at the end of an arm, of an area
-    /// strain the growth of a radius.
+    /// strain the growth of a radius, of a volume the mean height, with that of a ml as the arm.
     fn vectors(self, arm_mm: f64) -> Result<([f64; 2], [f64; 2]), GoalError> {
         let direction = |degrees: f64| match degrees.is_finite() {
             true => Ok(unit_vector(degrees)),
@@ -173,7 +208,11 @@ impl Motion {
                 [if degrees < 0.0 { -1.0 } else { 1.0 }, 0.0],
                 [degrees.to_radians() * arm_mm, 0.0],
             ),
-            Self::Grow(larger) => ([if larger { 1.0 } else { -1.0 }, 0.0], [0.0; 2]),
+            Self::Grow(positive) | Self::Rise(positive) | Self::Fill(positive) => {
+                ([if positive { 1.0 } else { -1.0 }, 0.0], [0.0; 2])
+            }
+            Self::RiseBy(height) => ([if height < 0.0 { -1.0 } else { 1.0 }, 0.0], [height, 0.0]),
+            Self::FillBy(volume) => ([if volume < 0.0 { -1.0 } else { 1.0 }, 0.0], [arm_mm * volume, 0.0]),
             Self::GrowBy(strain) => (
                 [if strain < 0.0 { -1.0 } else { 1.0 }, 0.0],
                 [arm_mm * ((1.0 + strain).sqrt() - 1.0), 0.0],
@@ -223,7 +262,8 @@ impl BodyMarkers {
 
 impl PlacedAim {
     /// The motion in mm, given the fields in the states of the device: a displacement, or (arc length, 0) of a
-    /// rotation, or (growth of the radius, 0) of a region; of a force its change in mN.
+    /// rotation, or (growth of the radius, 0) of a region, (height, 0) or (mean height, 0) of a volume; of a force its
+    /// change in mN.
     #[must_use]
     pub fn motion(&self, fields: &[Field]) -> [f64; 2] {
         let field = &fields[self.state];
@@ -233,6 +273,32 @@ impl PlacedAim {
             Subject::Rotation(markers) => [markers.arm_mm * markers.angle(field), 0.0],
             Subject::Reaction(side) => field.reactions()[*side],
             Subject::Region(region) => [region.growth_mm(field), 0.0],
+            Subject::Height => [field.height_at(self.point), 0.0],
+            Subject::BodyHeight([x, y]) => [field.height(corner_index(field, [*x, *y])), 0.0],
+            Subject::Volume(mean_height) => [mean_height * field.volume(), 0.0],
+        }
+    }
+
+    /// Whether it is a height or a volume.
+    #[must_use]
+    pub fn is_out_of_plane(&self) -> bool {
+        matches!(
+            self.subject,
+            Subject::Height | Subject::BodyHeight(_) | Subject::Volume(_)
+        )
+    }
+
+    /// The derivatives of a quantity with respect to the heights of corners, and to the volume per ml, given its
+    /// `gradient` with respect to the motion.
+    pub(super) fn slope_out_of_plane(&self, field: &Field, gradient: f64) -> (Vec<(usize, f64)>, f64) {
+        match self.subject {
+            Subject::Height => {
+                let shares = Field::interpolation_weights(field.raster(), self.point).into_iter();
+                (shares.map(|(corner, share)| (corner, share * gradient)).collect(), 0.0)
+            }
+            Subject::BodyHeight(corner) => (vec![(corner_index(field, corner), gradient)], 0.0),
+            Subject::Volume(mean_height) => (Vec::new(), mean_height * gradient),
+            _ => (Vec::new(), 0.0),
         }
     }
 
@@ -265,8 +331,8 @@ impl PlacedAim {
                     .map(|(corner, share)| (corner, gradient.map(|g| g * share)))
                     .collect();
             }
-            // Forces have their own slopes.
-            Subject::Reaction(_) => return Vec::new(),
+            // These have their own slopes.
+            Subject::Reaction(_) | Subject::Height | Subject::BodyHeight(_) | Subject::Volume(_) => return Vec::new(),
             Subject::Region(region) => return region.slope(field, gradient[0]),
             Subject::Rotation(markers) => (markers, markers.arm_mm * gradient[0], [0.0; 2]),
             Subject::Translation(markers) => {
@@ -279,6 +345,11 @@ impl PlacedAim {
         let [start, end] = markers.ends.map(|[x, y]| y * columns + x);
         vec![(start, [0, 1].map(|k| at_start[k] - turn[k])), (end, turn)]
     }
+}
+
+/// The index in `[y][x]` of a corner of cells, given by its column and row.
+fn corner_index(field: &Field, [x, y]: [usize; 2]) -> usize {
+    y * (field.raster().columns() + 1) + x
 }
 
 /// The mean component of the motions along the directions of the aims in mm.

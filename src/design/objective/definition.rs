@@ -8,8 +8,8 @@ use super::field_file;
 use super::goal::Goal;
 use super::measure::{Displacement, Distance, MEASURES, Measure};
 use super::points::{
-    AREAS, BarParameters, BodyParameters, MAX_MM, PointOrBody, PointParameters, ROTATIONS, ReactionParameters,
-    RegionParameters,
+    AREAS, BarParameters, BodyParameters, HEIGHTS, MAX_MM, PointOrBody, PointParameters, ROTATIONS, ReactionParameters,
+    RegionParameters, VolumeParameters,
 };
 use super::robust::{Masks, Robust};
 use crate::text::flow_mapping;
@@ -105,6 +105,18 @@ parameters! {
 }
 
 parameters! {
+    /// The volume between the membrane and its plane.
+    struct OneVolume as "the objective" {}
+    include {
+        /// The volume.
+        volume: VolumeParameters,
+        /// How it is measured.
+        measured: MotionMeasure,
+    }
+    rules(measure_supports_scalars)
+}
+
+parameters! {
     /// Points and bodies; the objective is their weighted mean.
     struct ManyPoints as "the objective" {
         /// The points and bodies.
@@ -156,7 +168,12 @@ pub enum ResponseKind {
 
 /// Only measures that support rotations.
 fn measure_supports_rotations(fields: Fields) -> Fields {
-    fields.rule(json!({ "if": { "required": ["rotation"] }, "then": scalar_measures() }))
+    fields.rule(json!({ "if": { "anyOf": [has("rotation"), has("height")] }, "then": scalar_measures() }))
+}
+
+/// The key is there.
+fn has(key: &str) -> serde_json::Value {
+    json!({ "required": [key] })
 }
 
 /// Only measures that support areas.
@@ -167,12 +184,17 @@ fn measure_supports_scalars(fields: Fields) -> Fields {
 /// Either all points, bodies and regions have targets or none has; rotations and areas need a measure that supports
 /// them.
 fn targets_for_all_or_none(fields: Fields) -> Fields {
-    let has = |key: &str| json!({ "required": [key] });
-    let by_angle = json!({ "required": ["rotation"], "properties": { "rotation": { "not": { "enum": ROTATIONS } } } });
-    let by_strain = json!({ "required": ["region"], "properties": { "area_strain": { "not": { "enum": AREAS } } } });
-    let target = json!({ "anyOf": [has("displacement"), has("translation"), by_angle, by_strain] });
+    let by = |required: &str, key: &str, words: [&str; 2]| {
+        let value = json!({ "not": { "enum": words } });
+        json!({ "required": [required], "properties": { key: value } })
+    };
+    let by_angle = by("rotation", "rotation", ROTATIONS);
+    let by_strain = by("region", "area_strain", AREAS);
+    let (by_height, by_volume) = (by("height", "height", HEIGHTS), by("volume", "volume", AREAS));
+    let vectors = [has("displacement"), has("translation")];
+    let target = json!({ "anyOf": [vectors[0], vectors[1], by_angle, by_strain, by_height, by_volume] });
     let both = json!([{ "contains": target }, { "contains": { "not": target } }]);
-    let is_scalar = json!({ "anyOf": [has("rotation"), has("region")] });
+    let is_scalar = json!({ "anyOf": [has("rotation"), has("region"), has("height"), has("volume")] });
     let scalars = json!({ "points": { "contains": is_scalar } });
     fields
         .rule(json!({ "properties": { "points": { "not": { "allOf": both } } } }))
@@ -187,7 +209,6 @@ fn scalar_measures() -> serde_json::Value {
 
 /// Amplitudes are measured along directions only.
 fn amplitudes_along_directions(fields: Fields) -> Fields {
-    let has = |key: &str| json!({ "required": [key] });
     let others = json!([has("time"), has("value"), has("displacement"), has("robust")]);
     let along = json!({ "items": { "required": ["point", "direction"] } });
     let measured = json!({ "measure": { "const": Displacement.name() }, "points": along });
@@ -265,6 +286,12 @@ impl Objective {
         Ok(objective)
     }
 
+    /// Whether it counts heights or volumes.
+    #[must_use]
+    pub fn is_out_of_plane(&self) -> bool {
+        self.points.iter().any(PointOrBody::is_out_of_plane)
+    }
+
     /// Whether its values are forces of sides in mN, and not displacements in mm.
     #[must_use]
     pub fn is_reaction(&self) -> bool {
@@ -300,13 +327,13 @@ impl Objective {
             ),
             (_, Some(_)) if self.points.iter().any(PointOrBody::is_farthest_scalar) => refused(
                 "value",
-                "`value` is a length and cannot be used with a rotation or an area",
-                "give the target as `rotation` or `area_strain`",
+                "`value` is a length in the plane and cannot be used with a rotation, an area, a height or a volume",
+                "give the target as `rotation`, `area_strain`, `height` or `volume`",
             ),
             _ if !self.measure.supports_scalars() && self.points.iter().any(PointOrBody::is_scalar) => refused(
                 "measure",
                 &format!(
-                    "`measure: {}` cannot be used with a rotation or an area",
+                    "`measure: {}` cannot be used with a rotation, an area, a height or a volume",
                     self.measure.name()
                 ),
                 "remove `measure`",
@@ -329,7 +356,7 @@ impl Objective {
             let message = format!("`measure: {}` cannot be used with `frequency`", self.measure.name());
             return Err(measure.error(message).help("remove one of them"));
         }
-        let is_along = |one: &PointOrBody| matches!(one, PointOrBody::Point(point) if point.displacement.is_none());
+        let is_along = |one: &PointOrBody| matches!(one, PointOrBody::Point(point) if point.direction.is_some());
         match self.points.iter().all(is_along) {
             true => Ok(()),
             false => Err(node
@@ -341,11 +368,11 @@ impl Objective {
     }
 
     /// Reads a point (`{ point, direction }`), a rigid body (`{ body, direction }`), a bar (`{ bar, direction }`) or
-    /// the force of a side (`{ reaction, direction }`), the area of a region (`{ region, area_strain }`), several of
-    /// them (`{ points: [{ point, direction, weight, state
+    /// the force of a side (`{ reaction, direction }`), the area of a region (`{ region, area_strain }`), a volume
+    /// (`{ volume }`), several of them (`{ points: [{ point, direction, weight, state
     /// }, …] }`), or a target field (`{ field: FILE.csv }`). In place of a direction a point may have a target
-    /// `displacement: [x, y]`, a body a `translation: [x, y]` or a `rotation`. Optional keys are `measure`, `value`
-    /// (the target displacement along each direction), `time` and `frequency`.
+    /// `displacement: [x, y]` or a `height`, a body a `translation: [x, y]`, a `rotation` or a `height`. Optional keys are
+    /// `measure`, `value` (the target displacement along each direction), `time` and `frequency`.
     ///
     /// # Errors
     /// If a key is unknown or missing, a value is invalid, or the keys contradict each other.
@@ -371,6 +398,13 @@ impl Objective {
                 motion: measured,
             };
             (vec![PointOrBody::Region(Box::new(region))], measured, None)
+        } else if node.peek("volume").is_some() {
+            let OneVolume { volume, measured } = OneVolume::read_with(node, &[])?;
+            let measured = MeasureParameters {
+                value: None,
+                motion: measured,
+            };
+            (vec![PointOrBody::Volume(volume)], measured, None)
         } else if node.peek("reaction").is_some() {
             let reaction = ReactionParameters::read_with(node, &[])?;
             (
@@ -492,6 +526,7 @@ impl Parameter for Objective {
             OneBar::fields(),
             ReactionParameters::fields(),
             OneRegion::fields(),
+            OneVolume::fields(),
             ManyPoints::fields(),
             FieldObjective::fields(),
         ];
@@ -576,6 +611,10 @@ mod tests {
             "{ region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, area_strain: largest }",
             "{ points: [{ region: { rectangle: [[1 mm, 2 mm], [9 mm, 8 mm]] }, area_strain: 5 %, weight: 2 }, \
              { point: [1, 2], displacement: [0, 1] }] }",
+            "{ point: [25 mm, 25 mm], height: up }",
+            "{ body: 0, height: -1.5 mm }",
+            "{ volume: largest }",
+            "{ points: [{ volume: 0.5 ml, weight: 2 }, { point: [1, 2], height: 1 mm }] }",
         ] {
             let objective = read(text).unwrap();
             assert_eq!(read(&objective.to_text()).unwrap().canonical(), objective.canonical());
@@ -619,6 +658,15 @@ mod tests {
             "{ points: [{ reaction: right, direction: 0 }], frequency: 1 Hz }",
             "{ points: [{ reaction: right, direction: 0 }], measure: qin2024 }",
             "{ points: [{ reaction: right, direction: 0 }, { bar: right, direction: 0 }] }",
+            "{ point: [1, 2], height: 1 mm, direction: 0 }",
+            "{ point: [1, 2], height: left }",
+            "{ point: [1, 2], height: up, value: 1 mm }",
+            "{ point: [1, 2], height: up, measure: qin2024 }",
+            "{ points: [{ point: [1, 2], height: up }], frequency: 1 Hz }",
+            "{ points: [{ point: [1, 2], height: up }, { volume: 1 ml }] }",
+            "{ volume: larger }",
+            "{ volume: largest, value: 1 mm }",
+            "{ volume: largest, direction: 0 }",
             "{ region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } } }",
             "{ region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, area_strain: larger }",
             "{ region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, area_strain: 101 % }",

@@ -82,6 +82,12 @@ pub enum GoalError {
     /// Displacements of membranes with sides that are not held count from rest.
     #[error("an `area_strain` needs a membrane whose sides are all held")]
     RegionOfSides,
+    /// The membrane stays in its plane.
+    #[error(
+        "a `height` or a `volume` needs a membrane that leaves its plane: a scene with `loads`, or a body with three \
+             numbers in its `load` or `spring`"
+    )]
+    StaysInPlane,
     /// Forces and motions have no mean.
     #[error("an objective has either motions, in mm, or reactions, in mN")]
     Units,

@@ -70,6 +70,7 @@ fn point(row: &Row<'_>, columns: [usize; 4]) -> Result<PointParameters, TableErr
         point: [x?, y?],
         direction: None,
         displacement: Some([ux?, uy?]),
+        height: None,
         weight: Decimal::from(1),
         state: None,
     })

@@ -158,6 +158,12 @@ impl Goal {
         &self.aims
     }
 
+    /// Whether it counts heights or volumes.
+    #[must_use]
+    pub fn is_out_of_plane(&self) -> bool {
+        self.aims.iter().any(PlacedAim::is_out_of_plane)
+    }
+
     /// Whether its values are forces in mN, and not displacements in mm.
     #[must_use]
     pub fn is_reaction(&self) -> bool {
@@ -317,7 +323,17 @@ impl Goal {
     fn slopes<'a>(&self, fields: &[Field], each: impl Iterator<Item = (&'a PlacedAim, [f64; 2])>) -> StateFields {
         let mut slopes = vec![vec![0.0; 2 * self.raster.corners()]; fields.len()];
         let mut of_forces = vec![Reactions::default(); fields.len()];
+        let mut out_of_plane = vec![(Vec::new(), 0.0); fields.len()];
         for (aim, gradient) in each {
+            if aim.is_out_of_plane() {
+                let (of_heights, of_volume) = aim.slope_out_of_plane(&fields[aim.state], gradient[0]);
+                let (heights, volume) = &mut out_of_plane[aim.state];
+                heights.resize(self.raster.corners(), 0.0);
+                of_heights
+                    .into_iter()
+                    .for_each(|(corner, slope)| heights[corner] += slope);
+                *volume += of_volume;
+            }
             if let Subject::Reaction(side) = &aim.subject {
                 let slopes = of_forces[aim.state][*side].iter_mut();
                 slopes.zip(gradient).for_each(|(slope, g)| *slope += g);
@@ -329,8 +345,17 @@ impl Goal {
             }
         }
         let field = |slope| Field::from_values(self.raster, slope).unwrap_or_else(|_| Field::zero(self.raster));
-        let both = slopes.into_iter().map(field).zip(of_forces);
-        both.map(|(slope, of_forces)| slope.with_reactions(of_forces)).collect()
+        let all = slopes.into_iter().map(field).zip(of_forces).zip(out_of_plane);
+        let slope = |((planar, of_forces), (heights, volume)): ((Field, Reactions), (Vec<f64>, f64))| {
+            let slope = planar.with_reactions(of_forces);
+            match heights.is_empty() {
+                true => slope,
+                false => slope
+                    .in_space(heights, volume)
+                    .unwrap_or_else(|_| Field::zero(self.raster)),
+            }
+        };
+        all.map(slope).collect()
     }
 }
 

@@ -5,7 +5,7 @@ use super::error::GoalError;
 use super::region::RegionCells;
 use crate::text::flow_value;
 use deaflow_base::{
-    Angle, Canonical, Decimal, Declared, Fields, InputError, Length, Map, Node, Parameter, Schema, parameters,
+    Angle, Canonical, Decimal, Declared, Fields, InputError, Length, Map, Node, Parameter, Schema, Volume, parameters,
 };
 use deaflow_scene::{Edge, MOST_BODIES, Scene, Shape, States};
 
@@ -21,11 +21,17 @@ pub(super) const ROTATIONS: [&str; 2] = ["clockwise", "counterclockwise"];
 /// The values of `area_strain` for an area as large or as small as possible.
 pub(super) const AREAS: [&str; 2] = ["smallest", "largest"];
 
+/// The values of `height` for a height as far as possible.
+pub(super) const HEIGHTS: [&str; 2] = ["down", "up"];
+
+/// Range of target volumes in ml.
+const VOLUMES: std::ops::RangeInclusive<f64> = -1e6..=1e6;
+
 /// Range of target area strains.
 const STRAINS: std::ops::RangeInclusive<f64> = 0.0..=1.0;
 
 /// The keys for the motion of a body.
-const MOTIONS: [&str; 3] = ["direction", "translation", "rotation"];
+const MOTIONS: [&str; 4] = ["direction", "translation", "rotation", "height"];
 
 parameters! {
     /// A point and its target motion.
@@ -36,12 +42,14 @@ parameters! {
         pub(super) direction: Option<Angle> [-360.0..=360.0],
         /// Target displacement, in place of a direction.
         pub(super) displacement: Option<[Length; 2]> [-MAX_MM..=MAX_MM],
+        /// `up` or `down` for a height that changes as far as possible by the voltage, or its target change.
+        pub(super) height: Option<Height>,
         /// Weight relative to other points.
         pub(super) weight: Decimal [1e-9..=1e9] = 1.0,
         /// State of the device, if the scene has several.
         pub(super) state: Option<StateName>,
     }
-    rules(one_of_two_motions)
+    rules(one_of_its_motions)
     check(PointParameters::check)
 }
 
@@ -55,12 +63,14 @@ parameters! {
         /// `counterclockwise` or `clockwise` for a rotation as far as possible, or a target angle, positive
         /// counterclockwise. A rotation counts as the arc length of the body's outermost corner.
         pub(super) rotation: Option<Rotation>,
+        /// `up` or `down` for a height that changes as far as possible by the voltage, or its target change.
+        pub(super) height: Option<Height>,
         /// Weight relative to other points.
         pub(super) weight: Decimal [1e-9..=1e9] = 1.0,
         /// State of the device, if the scene has several.
         pub(super) state: Option<StateName>,
     }
-    rules(one_of_three_motions)
+    rules(one_of_all_motions)
     check(RigidMotion::check)
 }
 
@@ -118,7 +128,20 @@ parameters! {
     }
 }
 
-/// A point, a body, a bar or a region, and its target motion; or the force of a side.
+parameters! {
+    /// The change of the volume between the membrane and its plane by the voltage.
+    pub(super) struct VolumeParameters as "a volume of the objective" {
+        /// `largest` or `smallest` for a volume that changes as far as possible, or its target change. It counts as
+        /// the mean height over the rectangle of the membrane.
+        pub(super) volume: VolumeChange,
+        /// Weight relative to other points.
+        pub(super) weight: Decimal [1e-9..=1e9] = 1.0,
+        /// State of the device, if the scene has several.
+        pub(super) state: Option<StateName>,
+    }
+}
+
+/// A point, a body, a bar or a region, and its target motion; the force of a side; or a volume.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum PointOrBody {
     Point(PointParameters),
@@ -126,6 +149,7 @@ pub(super) enum PointOrBody {
     Bar(BarParameters),
     Reaction(ReactionParameters),
     Region(Box<RegionParameters>),
+    Volume(VolumeParameters),
 }
 
 /// The name of a state of the device.
@@ -148,29 +172,57 @@ pub(super) enum AreaStrain {
     By(Decimal),
 }
 
-fn one_of_two_motions(fields: Fields) -> Fields {
-    fields.exactly_one(&["direction", "displacement"])
+/// The target height of a point or body.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Height {
+    /// As far as possible; true is up.
+    Farthest(bool),
+    By(Length),
 }
 
-fn one_of_three_motions(fields: Fields) -> Fields {
+/// The target volume.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum VolumeChange {
+    /// As far as possible; true is larger.
+    Farthest(bool),
+    By(Volume),
+}
+
+impl Height {
+    fn motion(&self) -> Motion {
+        match self {
+            Self::Farthest(up) => Motion::Rise(*up),
+            Self::By(height) => Motion::RiseBy(height.value()),
+        }
+    }
+}
+
+fn one_of_its_motions(fields: Fields) -> Fields {
+    fields.exactly_one(&["direction", "displacement", "height"])
+}
+
+fn one_of_all_motions(fields: Fields) -> Fields {
     fields.exactly_one(&MOTIONS)
 }
 
 impl PointParameters {
     fn check(&self, map: &Map<'_>) -> Result<(), InputError> {
-        match (map.optional("displacement"), map.optional("direction")) {
-            (Some(node), Some(_)) => Err(node
-                .error("`displacement` cannot be used with `direction`")
+        let keys = ["direction", "displacement", "height"];
+        let mut given = keys.into_iter().filter_map(|key| Some((key, map.optional(key)?)));
+        match (given.next(), given.next()) {
+            (Some((first, _)), Some((key, node))) => Err(node
+                .error(format!("`{key}` cannot be used with `{first}`"))
                 .help("remove one of them")),
-            (None, None) => map.required(Self::WHAT, "direction").map(|_| ()),
+            (None, _) => map.required(Self::WHAT, "direction").map(|_| ()),
             _ => Ok(()),
         }
     }
 
     fn motion(&self, value: Option<Length>) -> Motion {
-        match &self.displacement {
-            Some(vector) => Motion::To(vector.map(|c| c.value())),
-            None => along(self.direction, value),
+        match (&self.displacement, &self.height) {
+            (Some(vector), _) => Motion::To(vector.map(|c| c.value())),
+            (None, Some(height)) => height.motion(),
+            (None, None) => along(self.direction, value),
         }
     }
 }
@@ -180,21 +232,22 @@ impl RigidMotion {
         let mut given = MOTIONS.into_iter().filter_map(|key| map.optional(key));
         match (given.next(), given.next()) {
             (None, _) => Err(map
-                .error("a body or bar needs a `direction`, `translation` or `rotation`")
+                .error("a body or bar needs a `direction`, `translation`, `rotation` or `height`")
                 .help("add one of them")),
             (Some(_), Some(node)) => Err(node
-                .error("a body or bar takes only one of `direction`, `translation` and `rotation`")
+                .error("a body or bar takes only one of `direction`, `translation`, `rotation` and `height`")
                 .help("remove one of them, or list it in `points` once for each motion")),
             (Some(_), None) => Ok(()),
         }
     }
 
     fn motion(&self, value: Option<Length>) -> Motion {
-        match (&self.translation, &self.rotation, &self.direction) {
+        match (&self.translation, &self.rotation, &self.height) {
             (Some(vector), ..) => Motion::To(vector.map(|c| c.value())),
             (None, Some(Rotation::Farthest(counterclockwise)), _) => Motion::Turn(*counterclockwise),
             (None, Some(Rotation::By(angle)), _) => Motion::TurnBy(angle.value()),
-            (None, None, direction) => along(*direction, value),
+            (None, None, Some(height)) => height.motion(),
+            (None, None, None) => along(self.direction, value),
         }
     }
 }
@@ -212,7 +265,7 @@ impl PointOrBody {
     /// The motion of a body or a bar.
     fn rigid(&self) -> Option<&RigidMotion> {
         match self {
-            Self::Point(_) | Self::Reaction(_) | Self::Region(_) => None,
+            Self::Point(_) | Self::Reaction(_) | Self::Region(_) | Self::Volume(_) => None,
             Self::Body(body) => Some(&body.motion),
             Self::Bar(bar) => Some(&bar.motion),
         }
@@ -222,28 +275,42 @@ impl PointOrBody {
         self.rigid()?.rotation.as_ref()
     }
 
+    /// The height of a point, a body or a bar.
+    fn height(&self) -> Option<&Height> {
+        match self {
+            Self::Point(point) => point.height.as_ref(),
+            _ => self.rigid()?.height.as_ref(),
+        }
+    }
+
     /// Whether there is a target displacement or angle, not only a direction.
     pub fn has_target(&self) -> bool {
-        let has_vector = match self {
+        let has_own = match self {
             Self::Point(point) => point.displacement.is_some(),
             Self::Region(region) => matches!(region.area_strain, AreaStrain::By(_)),
+            Self::Volume(volume) => matches!(volume.volume, VolumeChange::By(_)),
             Self::Body(_) | Self::Bar(_) | Self::Reaction(_) => {
                 self.rigid().is_some_and(|rigid| rigid.translation.is_some())
             }
         };
-        has_vector || matches!(self.rotation(), Some(Rotation::By(_)))
+        has_own || matches!(self.rotation(), Some(Rotation::By(_))) || matches!(self.height(), Some(Height::By(_)))
     }
 
     pub fn is_reaction(&self) -> bool {
         matches!(self, Self::Reaction(_))
     }
 
-    /// Whether it is a rotation or an area, which have no direction in the plane.
-    pub fn is_scalar(&self) -> bool {
-        self.rotation().is_some() || matches!(self, Self::Region(_))
+    /// Whether it is a height or a volume.
+    pub fn is_out_of_plane(&self) -> bool {
+        self.height().is_some() || matches!(self, Self::Volume(_))
     }
 
-    /// Whether it is a rotation or an area that changes as far as possible.
+    /// Whether it is a rotation, an area, a height or a volume, which have no direction in the plane.
+    pub fn is_scalar(&self) -> bool {
+        self.rotation().is_some() || matches!(self, Self::Region(_)) || self.is_out_of_plane()
+    }
+
+    /// Whether it is one of these that changes as far as possible.
     pub fn is_farthest_scalar(&self) -> bool {
         self.is_scalar() && !self.has_target()
     }
@@ -272,6 +339,10 @@ impl PointOrBody {
                 region.entries(&mut entries);
                 region.weight
             }
+            Self::Volume(volume) => {
+                volume.entries(&mut entries);
+                volume.weight
+            }
         };
         let is_default = weight.to_f64() == 1.0;
         entries.retain(|(key, _)| *key != "weight" || !is_default);
@@ -281,6 +352,9 @@ impl PointOrBody {
 
     /// The aim in a scene; `value` is the target displacement along directions.
     pub fn aim(&self, value: Option<Length>, scene: &Scene) -> Result<Aim, GoalError> {
+        if self.is_out_of_plane() && (!scene.is_in_space() || matches!(self, Self::Bar(_))) {
+            return Err(GoalError::StaysInPlane);
+        }
         let rigid = |motion: &RigidMotion, (centroid_mm, markers)| Aim {
             point_mm: centroid_mm,
             body: Some(markers),
@@ -307,6 +381,7 @@ impl PointOrBody {
             Self::Bar(bar) => (rigid(&bar.motion, markers_of_bar(scene, bar.bar)?), &bar.motion.state),
             Self::Reaction(reaction) => (reaction.aim(scene)?, &reaction.state),
             Self::Region(region) => (region.aim(scene)?, &region.state),
+            Self::Volume(volume) => (volume.aim(scene), &volume.state),
         };
         Ok(Aim {
             state: state_index(scene, state.as_ref())?,
@@ -330,6 +405,19 @@ impl RegionParameters {
             region: Some(region.clone()),
             ..Aim::new(region.centroid_mm(), motion)
         })
+    }
+}
+
+impl VolumeParameters {
+    fn aim(&self, scene: &Scene) -> Aim {
+        let motion = match &self.volume {
+            VolumeChange::Farthest(larger) => Motion::Fill(*larger),
+            VolumeChange::By(volume) => Motion::FillBy(volume.value()),
+        };
+        Aim {
+            weight: self.weight.to_f64(),
+            ..Aim::new(scene.membrane().size_mm.map(|side| 0.5 * side), motion)
+        }
     }
 }
 
@@ -439,6 +527,8 @@ impl Parameter for PointOrBody {
             ReactionParameters::read(node, key, &()).map(Self::Reaction)
         } else if has("region") {
             RegionParameters::read(node, key, &()).map(|region| Self::Region(Box::new(region)))
+        } else if has("volume") {
+            VolumeParameters::read(node, key, &()).map(Self::Volume)
         } else {
             PointParameters::read(node, key, &()).map(Self::Point)
         }
@@ -451,6 +541,7 @@ impl Parameter for PointOrBody {
             Self::Bar(bar) => bar.to_canonical(),
             Self::Reaction(reaction) => reaction.to_canonical(),
             Self::Region(region) => region.to_canonical(),
+            Self::Volume(volume) => volume.to_canonical(),
         })
     }
 
@@ -461,6 +552,7 @@ impl Parameter for PointOrBody {
             BarParameters::schema(&()),
             ReactionParameters::schema(&()),
             RegionParameters::schema(&()),
+            VolumeParameters::schema(&()),
         ])
     }
 
@@ -556,6 +648,64 @@ impl Parameter for AreaStrain {
 
     fn schema((): &()) -> Schema {
         Schema::any_of([Schema::word(&AREAS), Decimal::schema(&STRAINS)])
+    }
+
+    fn literal(larger: bool) -> Self {
+        Self::Farthest(larger)
+    }
+}
+
+impl Parameter for Height {
+    type Limits = ();
+    type Literal = bool;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        match word_of(HEIGHTS, node) {
+            Some(at) => Ok(Self::Farthest(at == 1)),
+            None => Length::read(node, key, &(-MAX_MM..=MAX_MM))
+                .map(Self::By)
+                .map_err(|error| neither(error, HEIGHTS, "a target such as 1.5 mm", (node, key))),
+        }
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        match self {
+            Self::Farthest(up) => Some(HEIGHTS[usize::from(*up)].into()),
+            Self::By(height) => height.canonical(),
+        }
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::any_of([Schema::word(&HEIGHTS), Length::schema(&(-MAX_MM..=MAX_MM))])
+    }
+
+    fn literal(up: bool) -> Self {
+        Self::Farthest(up)
+    }
+}
+
+impl Parameter for VolumeChange {
+    type Limits = ();
+    type Literal = bool;
+
+    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
+        match word_of(AREAS, node) {
+            Some(at) => Ok(Self::Farthest(at == 1)),
+            None => Volume::read(node, key, &VOLUMES)
+                .map(Self::By)
+                .map_err(|error| neither(error, AREAS, "a target such as 0.5 ml", (node, key))),
+        }
+    }
+
+    fn canonical(&self) -> Option<Canonical> {
+        match self {
+            Self::Farthest(larger) => Some(AREAS[usize::from(*larger)].into()),
+            Self::By(volume) => volume.canonical(),
+        }
+    }
+
+    fn schema((): &()) -> Schema {
+        Schema::any_of([Schema::word(&AREAS), Volume::schema(&VOLUMES)])
     }
 
     fn literal(larger: bool) -> Self {
