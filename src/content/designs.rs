@@ -1,6 +1,6 @@
 //! The artifacts of design and verify stages: a row for each pattern.
 
-use super::element::{Packed, PerUnit};
+use super::element::{Packed, PerCorner, PerUnit};
 use super::error::Fault;
 use super::fronts::Fronts;
 use super::intervals::{DesignInterval, DesignIntervals};
@@ -333,6 +333,8 @@ arrays! {
         /// If the scene has several states, the displacement in each; `displacement` is that in the first. A pattern
         /// has a field if it has one in all states; otherwise its outcome is that of the first state without.
         states: Option<SimulatedStates> = group("states"),
+        /// If the membrane leaves its plane, how far; with a row for each pattern with a field.
+        space: Option<HeightChanges> = group("space"),
         /// If times were requested and the scene has one state, the motion in time of the patterns with a field;
         /// `displacement` is that at the time of the objective, or at the last time.
         history: Option<SolvedHistories> = group("history", [(sample, simulated_row)]),
@@ -354,6 +356,17 @@ arrays! {
         /// Simulated displacement at the cell corners in each state, ordered by name; a row for each pattern with a
         /// field in all states.
         displacement: Vec<Field> = array("displacement", "mm", [simulated_row, state, corner_y, corner_x, xy]),
+    }
+}
+
+arrays! {
+    /// Changes by the voltage out of the plane, in each state of the device, ordered by name, or in the only one.
+    #[derive(Default)]
+    pub struct HeightChanges, HeightChangesView {
+        /// Displacement out of the plane at the cell corners.
+        height: Packed<PerCorner<f64>> = array("height", "mm", [simulated_row, state, corner_y, corner_x]),
+        /// Volume between the membrane and its plane.
+        volume: Packed<f64> = array("volume", "ml", [simulated_row, state]),
     }
 }
 

@@ -53,8 +53,8 @@ pub use calibration::{Calibration, CalibrationView, Difficulty, Novelty};
 pub use catalogue::{ContentOfKind, catalogue};
 pub use declared::Declared;
 pub use designs::{
-    Candidates, Components, DesignRows, DesignRowsView, Designs, DesignsView, GENOME_UNITS, GradientSteps, History,
-    PredictedStates, SimulatedStates, Verification, VerificationView, predicted_rows,
+    Candidates, Components, DesignRows, DesignRowsView, Designs, DesignsView, GENOME_UNITS, GradientSteps,
+    HeightChanges, History, PredictedStates, SimulatedStates, Verification, VerificationView, predicted_rows,
 };
 pub use dropped::DroppedRows;
 pub use element::{Packed, PerCell, PerUnit, Row, SingleField};

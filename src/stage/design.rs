@@ -26,7 +26,10 @@ use deaflow_design::{
     SINGLE_NAME, Search, SearchError, SearchOptions, Target, Targets, UNITS,
 };
 use deaflow_fem::effects::breakdown_ratio_at_rest;
-use deaflow_fem::{Method as Evaluation, Swing, ThreeSolves, check_covered_cells, no_pattern_limit, revision_of};
+use deaflow_fem::{
+    InflationSolver, Method as Evaluation, SetupError, Swing, ThreeSolves, check_covered_cells, no_pattern_limit,
+    revision_of,
+};
 use deaflow_field::REACTION_UNIT;
 use deaflow_orchestrator::{Chunk, Input, Job, Kind, Needs, Plan, Stage, StageCheck, StageDeclaration, StageError};
 use deaflow_pattern::Symmetries;
@@ -283,7 +286,7 @@ impl Kind for DesignKind {
         stage.refuse_misplaced(here, "constraints", &ConstraintParameters::keys())?;
         let map = stage.fields(DesignParameters::WHAT, &keys())?;
         let tolerances = tolerances_of(scene)?;
-        let scene = scene::read_all_states(stage, scene)?;
+        let scene = scene::read_in_space(stage, scene)?;
         let DesignParameters {
             case,
             evaluator,
@@ -293,8 +296,11 @@ impl Kind for DesignKind {
         let targets = targets.with_tolerances(tolerances.as_ref());
         let task = DesignTask::read((targets, &options), (&map, stage), &scene)?;
         task.check(&options, (&map, stage), &scene)?;
-        check_breakdown_margin(&task, &scene, map.optional("constraints").unwrap_or(stage))?;
-        check_pull_in_margin(&task, &scene, map.optional("constraints").unwrap_or(stage))?;
+        check_breakdown_margin(&task, &scene.in_plane(), map.optional("constraints").unwrap_or(stage))?;
+        check_pull_in_margin(&task, &scene.in_plane(), map.optional("constraints").unwrap_or(stage))?;
+        if scene.is_in_space() {
+            check_in_space(&task, &scene, evaluator, &map)?;
+        }
         if task.front.as_ref().is_some_and(Front::has_charge) {
             check_charge(&task, &scene, map.optional("objectives").unwrap_or(stage))?;
             only_by_newton((&map, networks_of(&map)), evaluator, "the charge", "minimises it")?;
@@ -363,13 +369,44 @@ fn check_robust(task: &DesignTask, scene: &Scene, evaluator: EvaluatorChoice, ma
     })
 }
 
+/// Refuses what is not simulated in space.
+fn check_in_space(
+    task: &DesignTask,
+    scene: &Scene,
+    evaluator: EvaluatorChoice,
+    map: &Map<'_>,
+) -> Result<(), InputError> {
+    let why = "a membrane that leaves its plane";
+    only_by_newton((map, networks_of(map)), evaluator, why, "is one")?;
+    let refused = |with| {
+        let message = SetupError::not_in_space(scene, with).to_string();
+        Err(map
+            .optional("objective")
+            .map_or_else(|| map.error(message.clone()), |node| node.error(message.clone())))
+    };
+    if task.targets.iter().any(|target| target.masks.is_some()) {
+        return refused("a `robust` objective");
+    }
+    if task.front.as_ref().is_some_and(Front::has_charge) {
+        return refused("`charge: least`");
+    }
+    let is_equilibrium = |target: &Target| target.objective.response() == ResponseKind::Equilibrium;
+    if !task.targets.iter().all(is_equilibrium) {
+        return refused("a `time` or `frequency` of an objective");
+    }
+    for (_, state) in scene.in_states() {
+        InflationSolver::check(&state).map_err(|error| map.error(error.to_string()))?;
+    }
+    Ok(())
+}
+
 /// Returns the designs that a stage will search.
 ///
 /// # Errors
 /// If its mapping is invalid.
 pub(super) fn planned(stage: &StageDeclaration<'_>) -> Result<Vec<PlannedDesign>, InputError> {
     let map = stage.node.fields(DesignParameters::WHAT, &keys())?;
-    let scene = scene::read_all_states(stage.node, stage.scene)?;
+    let scene = scene::read_in_space(stage.node, stage.scene)?;
     let DesignParameters {
         case, targets, options, ..
     } = DesignParameters::of_stage(&map)?;
@@ -435,7 +472,7 @@ fn check_networks(
             .error("`evaluator: surrogate` needs a network, and `needs` names none")
             .help("add a stage of kind `train` to `needs`, or use another evaluator"));
     }
-    let scene = scene::read_all_states(stage.node, stage.scene)?;
+    let scene = scene::read_in_space(stage.node, stage.scene)?;
     let states: Vec<&str> = scene.states.iter().map(|(name, _)| name).collect();
     check_calibration(&states, stage, needs)?;
     let expected = states.len().max(1);

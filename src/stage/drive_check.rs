@@ -87,7 +87,8 @@ pub fn stability_advice(scene: &Scene) -> String {
 
 /// Returns the scene of a stage in its state, or at the largest voltages of all states.
 fn scene_of(stage: &StageDeclaration<'_>) -> Option<Scene> {
-    let scene = scene::read(stage.scene?).ok()?;
+    // A pressure lowers the limits of voltages; they are estimates.
+    let scene = scene::read(stage.scene?).ok()?.in_plane();
     let state = stage.node.peek(scene::STATE);
     match state.and_then(|node: &Node| node.text(scene::STATE).ok()) {
         Some(name) => scene.in_state(name).ok(),

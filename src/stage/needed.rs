@@ -68,7 +68,7 @@ fn simulating<'a>(stage: &StageDeclaration<'a>) -> Option<(&'a Node, StageDeclar
 /// Reads the scene of a stage that simulates.
 fn read_of(stage: &StageDeclaration<'_>) -> Option<Scene> {
     match stage.kind {
-        "verify" => scene::read_all_states(stage.node, stage.scene).ok(),
+        "verify" => scene::read_in_space(stage.node, stage.scene).ok(),
         _ => scene::read_in_state(stage.node, stage.scene).ok(),
     }
 }

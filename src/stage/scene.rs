@@ -51,26 +51,29 @@ pub fn read(node: &Node) -> Result<Scene, InputError> {
     }
 }
 
-/// Reads the scene of a stage with all states of its device; the pipeline must have one.
+/// Reads the scene of a stage with all states of its device, which stays in its plane; the pipeline must have one.
 pub fn read_all_states(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
+    let read = read_in_space(stage, scene)?;
+    match (SetupError::in_space(&read), scene) {
+        (Some(error), Some(node)) => Err(what_moves_out_of_plane(node).error(error.to_string())),
+        _ => Ok(read),
+    }
+}
+
+/// Like [`read_all_states`], also of a device that leaves its plane.
+pub fn read_in_space(stage: &Node, scene: Option<&Node>) -> Result<Scene, InputError> {
     let missing = || {
         stage
             .error("this stage needs a scene, but the pipeline has none")
             .help("add `scene: FILE` or an inline mapping")
     };
-    let node = scene.ok_or_else(missing)?;
-    let read = read(node)?;
-    match SetupError::in_space(&read) {
-        None => Ok(read),
-        Some(error) => {
-            let bodies = || node.peek("geometry")?.peek("bodies");
-            Err(node
-                .peek("loads")
-                .or_else(bodies)
-                .unwrap_or(node)
-                .error(error.to_string()))
-        }
-    }
+    read(scene.ok_or_else(missing)?)
+}
+
+/// Returns what moves a membrane out of its plane in a scene.
+pub fn what_moves_out_of_plane(scene: &Node) -> &Node {
+    let bodies = || scene.peek("geometry")?.peek("bodies");
+    scene.peek("loads").or_else(bodies).unwrap_or(scene)
 }
 
 /// Reads the scene of a stage in the state that the stage names.

@@ -12,8 +12,8 @@ use super::results::{PREDICTED_REACTION, REACTION, of_targets};
 use super::{drive_check, needed, patterns, scene, solution};
 use deaflow_base::{Canonical, Fields, InputError, Map, Node};
 use deaflow_content::{
-    Components, DesignRank, DesignRows, Designs, Packed, SimulatedStates, Verification, VerificationView,
-    best_of_targets, predicted_rows,
+    Components, DesignRank, DesignRows, Designs, HeightChanges, Packed, SimulatedStates, Verification,
+    VerificationView, best_of_targets, predicted_rows,
 };
 use deaflow_design::{Goal, PlannedDesign, ResponseKind};
 use deaflow_fem::screening::resolved_states;
@@ -127,7 +127,7 @@ impl Kind for VerifyKind {
     fn read(&self, stage: &Node, scene: Option<&Node>) -> Result<Box<dyn Stage>, InputError> {
         let map = stage.fields(WHAT, &keys())?;
         let solver = SolverParameters::read(&map, MESH)?;
-        let scene = scene::read_all_states(stage, scene)?;
+        let scene = scene::read_in_space(stage, scene)?;
         let scene = match solver.follows_time() {
             true => solver.decisive(&scene),
             // Amplitudes of designs depend on the bias voltage.
@@ -423,7 +423,7 @@ impl VerifyStage {
         let prediction = |row: usize| Some(rows.predicted_in_states(predicted[row]?));
         let errors = || solved().map(|(row, _)| simulated[row].error);
         let in_states = self.scene.states.iter().len() > 1;
-        let displacement = || solved().flat_map(|(_, fields)| fields.iter().cloned()).collect();
+        let displacement = || -> Vec<Field> { solved().flat_map(|(_, fields)| fields.iter().cloned()).collect() };
         let histories: Vec<&History> = solved()
             .filter_map(|(row, _)| simulated[row].history.as_ref())
             .collect();
@@ -437,13 +437,17 @@ impl VerifyStage {
             states: in_states.then(|| SimulatedStates {
                 displacement: displacement(),
             }),
+            space: self.scene.is_in_space().then(|| HeightChanges {
+                height: Packed(displacement().iter().flat_map(Field::heights).copied().collect()),
+                volume: Packed(displacement().iter().map(Field::volume).collect()),
+            }),
             history: follows_time.then(|| solution::solved_histories(&histories, solution::Datum::Rest)),
             component: Components {
                 predicted: (0..rows.len())
                     .filter_map(|row| {
                         let (fields, goal) = (prediction(row)?, &goals[row].goal);
-                        // Fields in files have no forces of sides.
-                        Some(if goal.is_reaction() {
+                        // Fields in files have no forces of sides and no heights.
+                        Some(if goal.is_reaction() || goal.is_out_of_plane() {
                             values[row]
                         } else {
                             goal.value_mm(fields)

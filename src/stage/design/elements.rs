@@ -7,8 +7,8 @@ use super::evaluators::{amplitude_parameters, amplitude_solver};
 use super::stoppable::Stoppable;
 use deaflow_design::{FiniteElements, Front, ResponseKind, SearchError, Target};
 use deaflow_fem::screening::resolved_states;
-use deaflow_fem::{GradientEvaluator, SafetyMargins, SetupError, ThreeSolves, at_peak};
-use deaflow_field::{Differentiable, Feasibility, InStates, PredictError, StateFields};
+use deaflow_fem::{GradientEvaluator, SafetyMargins, SetupError, SolveOptions, SpatialSolver, ThreeSolves, at_peak};
+use deaflow_field::{Differentiable, Feasibility, InStates, Mesh, PredictError, StateFields};
 use deaflow_orchestrator::Scratch;
 use deaflow_pattern::Pattern;
 
@@ -74,6 +74,10 @@ impl DesignStage {
             let (mut gradient, mut margins) = (Vec::new(), Vec::new());
             for scene in resolved_states(&self.scene)? {
                 gradient.push(match response {
+                    ResponseKind::Equilibrium if scene.is_in_space() => {
+                        let options = SolveOptions::on(Mesh::biquadratic(1));
+                        Arc::new(SpatialSolver::new(&scene, options)?) as Arc<dyn Differentiable + Send>
+                    }
                     ResponseKind::Equilibrium => {
                         let evaluator = GradientEvaluator::new(&scene)?;
                         Arc::new(match self.task.front.as_ref().is_some_and(Front::has_charge) {

@@ -231,13 +231,10 @@ pub fn evaluators(
 }
 
 fn by_cost(scene: &Scene, time: Option<Time>, trained: Option<Vec<Surrogate>>) -> Vec<Candidate> {
-    let coarse = |method| elements(scene, time, method, 1);
-    let mut all = vec![
-        coarse(Method::Linear),
-        coarse(Method::Chord(1)),
-        coarse(Method::Chord(2)),
-        coarse(Method::Newton),
-    ];
+    let estimates = [Method::Linear, Method::Chord(1), Method::Chord(2)].into_iter();
+    // There are none in space.
+    let methods = estimates.filter(|_| !scene.is_in_space()).chain([Method::Newton]);
+    let mut all: Vec<Candidate> = methods.map(|method| elements(scene, time, method, 1)).collect();
     if let Some(trained) = trained {
         let is_cheap = trained.iter().all(|network| network.kind() == NetworkKind::Physics);
         all.insert(if is_cheap { 2 } else { all.len() }, networks(trained));

@@ -52,8 +52,9 @@ fn mesh_error(goal: &Goal, fields: &[Field], others: &[Field]) -> f64 {
 
 /// Returns the root mean square difference over the components that differ: corners that are held do not count.
 fn rms_difference_of_moved(field: &Field, other: &Field) -> f64 {
-    let differences = field.values().iter().zip(other.values()).map(|(a, b)| a - b);
-    let moved: Vec<f64> = differences.filter(|difference| *difference != 0.0).collect();
+    let difference = field.plus(-1.0, other);
+    let all = difference.values().iter().chain(difference.heights()).copied();
+    let moved: Vec<f64> = all.filter(|difference| *difference != 0.0).collect();
     let sum = moved.iter().fold(0.0, |sum, difference| sum + difference * difference);
     (sum / moved.len().max(1) as f64).sqrt()
 }

@@ -310,6 +310,7 @@ fn verified(patterns: &[Pattern], outcomes: &[&str], fields: &[Field]) -> Object
         displacement: fields.to_vec(),
         difference: fields.to_vec(),
         states: None,
+        space: None,
         history: None,
         component: Components {
             predicted: vec![1.0; n],
