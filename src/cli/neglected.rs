@@ -4,13 +4,18 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::progress::{ProgressMode, show_count};
+use super::solve::warnings_of_states;
 use super::{CliError, model_warnings};
 use deaflow_base::{Digest, build};
 use deaflow_content::SOLVED;
-use deaflow_fem::screening::TestPattern;
+use deaflow_fem::screening::{TestPattern, resolve, resolve_states};
+use deaflow_fem::{Inflated, InflationSolver, SetupError, SolveOptions};
+use deaflow_field::Mesh;
 use deaflow_orchestrator::{Pipeline, StageSpec};
+use deaflow_pattern::Pattern;
 use deaflow_report::{RunArtifacts, StageArtifact, warned_patterns};
 use deaflow_scene::{Effects, Scene};
+use rayon::prelude::*;
 
 /// The warnings about effects that the simulations of a pipeline neglect, a line each, after the names of the stages.
 pub struct Neglected {
@@ -133,13 +138,19 @@ fn screened(stage: &SimulatingStage<'_>, run: &RunArtifacts<'_>) -> Result<Vec<S
     if let Some(known) = run.store.memo(&of) {
         return Ok(known);
     }
-    let refused = |error: deaflow_fem::SetupError| CliError::bad_input(error.to_string());
+    let refused = |error: SetupError| CliError::bad_input(error.to_string());
     let only = RunArtifacts {
         stages: std::slice::from_ref(*made),
         ..*run
     };
-    let patterns = only.each(&made.kind, warned_patterns)?.into_iter().flatten();
+    let patterns: Vec<(String, Pattern)> = only.each(&made.kind, warned_patterns)?.into_iter().flatten().collect();
+    if scene.is_in_space() {
+        let found = in_space(scene, &patterns).map_err(refused)?;
+        run.store.put_memo(&of, &found).ok();
+        return Ok(found);
+    }
     let tests: Vec<TestPattern> = patterns
+        .into_iter()
         .map(|(name, pattern)| TestPattern::new(&name, pattern))
         .collect();
     let screened = model_warnings::screened(scene, &tests).map_err(refused)?;
@@ -152,6 +163,19 @@ fn screened(stage: &SimulatingStage<'_>, run: &RunArtifacts<'_>) -> Result<Vec<S
     // A read-only store does not cache them.
     run.store.put_memo(&of, &found).ok();
     Ok(found)
+}
+
+/// Returns the warnings about patterns, which have names, of a membrane that leaves its plane. It is not screened.
+fn in_space(scene: &Scene, patterns: &[(String, Pattern)]) -> Result<Vec<String>, SetupError> {
+    let largest = resolve(&resolve_states(scene)?.at_largest_voltages())?;
+    let solver = InflationSolver::new(&largest, SolveOptions::on(Mesh::biquadratic(1)))?;
+    let found: Vec<Inflated> = patterns.par_iter().map(|(_, pattern)| solver.solve(pattern)).collect();
+    let named = patterns.iter().map(|(name, _)| name.clone()).zip(&found);
+    let of_states = warnings_of_states(&largest, &named.collect::<Vec<_>>());
+    Ok(model_warnings::in_space(&largest)?
+        .into_iter()
+        .chain(of_states)
+        .collect())
 }
 
 /// Returns the solving stages whose scene has, or with `auto` may have, an effect of which samples are warned.

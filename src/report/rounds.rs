@@ -270,6 +270,8 @@ mod tests {
             robust_mm: None,
             predicted_deg: None,
             simulated_deg: None,
+            predicted_ml: None,
+            simulated_ml: None,
             simulated_mm: simulated,
             simulated_error_mm: None,
             difference_mm: simulated.map(|simulated| predicted - simulated),

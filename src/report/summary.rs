@@ -81,6 +81,12 @@ pub struct RowSummary {
     /// The simulated angle in degrees, if values are arc lengths of rotations.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub simulated_deg: Option<f64>,
+    /// The predicted change of the volume in ml, if values are mean heights of volumes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub predicted_ml: Option<f64>,
+    /// The simulated change of the volume in ml, if values are mean heights of volumes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub simulated_ml: Option<f64>,
     /// By finite elements, in mm; `None` without a stable solution.
     pub simulated_mm: Option<f64>,
     /// Its estimated error, in mm.
@@ -274,7 +280,7 @@ impl VerificationSummary {
                 _ => {
                     let drawn = self.rows.iter().find_map(|row| Some((row, row.simulated_mm?)));
                     let drawn = drawn.map_or_else(String::new, |(row, value)| {
-                        let angle = row.objective.angle(value);
+                        let angle = row.objective.converted(value);
                         format!("; {}: {} {unit}{angle}", role_name(row.role), row.rounded(value))
                     });
                     format!("{stage}: no stable solution was found for any design that was searched{drawn}")
@@ -304,7 +310,7 @@ impl VerificationSummary {
             text += &format!(
                 ", predicted {} {unit}{}",
                 mm(predicted),
-                best.objective.angle(predicted)
+                best.objective.converted(predicted)
             );
         }
         let word = simulation_word(best.outcome);
@@ -312,7 +318,7 @@ impl VerificationSummary {
         text += &format!(
             ", {word} {} {unit}{estimated}{}",
             mm_measured(best_mm, best.simulated_error_mm),
-            best.objective.angle(best_mm)
+            best.objective.converted(best_mm)
         );
         if let Some(robust) = best.robust_text() {
             text += &format!(", {robust}");
@@ -321,7 +327,7 @@ impl VerificationSummary {
             text += &format!(
                 ", {} mm{} from the target",
                 three(distance),
-                best.objective.angle(distance)
+                best.objective.converted(distance)
             );
         } else if let [own, Some(gain)] = best.compared.gains {
             text += &format!(", {} over the intuitive design at equal area", gain.text(unit));
@@ -487,6 +493,8 @@ fn rows_of(
             robust_mm: None,
             predicted_deg: predicted_mm.and_then(|value| objective.degrees(value)),
             simulated_deg: simulated_mm.and_then(|value| objective.degrees(value)),
+            predicted_ml: predicted_mm.and_then(|value| objective.millilitres(value)),
+            simulated_ml: simulated_mm.and_then(|value| objective.millilitres(value)),
             simulated_mm,
             simulated_error_mm: known.map(|row| component.error[row]),
             difference_mm: predicted_mm
@@ -557,7 +565,10 @@ fn largest_difference<'r>(rows: impl Iterator<Item = &'r RowSummary>) -> Option<
 
 impl fmt::Display for VerificationSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let quantity = self.rows.first().map_or("displacement", |row| row.objective.quantity());
+        let has_one = self.rows.iter().all(|row| row.objective.quantity() == quantity);
         let what = match self.unit {
+            "mm" if has_one && quantity != "displacement" => quantity,
             "mm" => "displacement along the target directions",
             _ => "change of the force of sides on the membrane along the target directions",
         };
@@ -655,16 +666,21 @@ impl fmt::Display for Line<'_> {
         let Self(row, unit) = self;
         write!(f, "area {:>5.1} %, {:>6} mm²", 100.0 * row.area, three(row.area_mm2))?;
         match row.predicted_mm {
-            Some(value) => write!(f, "  predicted {:>7} {unit}{}", mm(value), row.objective.angle(value))?,
+            Some(value) => write!(
+                f,
+                "  predicted {:>7} {unit}{}",
+                mm(value),
+                row.objective.converted(value)
+            )?,
             None => write!(f, "  no prediction       ")?,
         }
         let word = simulation_word(row.outcome);
         match (row.simulated_mm, row.simulated_error_mm) {
             (Some(value), Some(error)) => {
-                let angle = row.objective.angle(value);
+                let angle = row.objective.converted(value);
                 write!(f, "  {word} {:>16} {unit}{angle}", measured(value, error))?;
             }
-            (Some(value), None) => write!(f, "  {word} {:>7} {unit}{}", mm(value), row.objective.angle(value))?,
+            (Some(value), None) => write!(f, "  {word} {:>7} {unit}{}", mm(value), row.objective.converted(value))?,
             (None, _) => write!(f, "  no stable solution was found: {}", row.outcome)?,
         }
         if let Some(robust) = row.robust_text() {
@@ -678,7 +694,7 @@ impl fmt::Display for Line<'_> {
                 f,
                 "  {} mm{} from the target",
                 three(distance),
-                row.objective.angle(distance)
+                row.objective.converted(distance)
             )?;
         }
         match row.compared.gains.map(|gain| Some(gain?.text(unit))) {

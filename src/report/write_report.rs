@@ -67,6 +67,9 @@ pub const FRONT_COLUMNS: [&str; 7] = [
 const ROBUST_COLUMNS: [&str; 1] = ["robust_predicted_mm"];
 const ANGLE_COLUMNS: [&str; 3] = ["predicted_deg", "simulated_deg", "simulated_error_deg"];
 
+/// The columns of volumes.
+const VOLUME_COLUMNS: [&str; 3] = ["predicted_ml", "simulated_ml", "simulated_error_ml"];
+
 /// The largest table or page, bytes.
 const MAX_BYTES: u64 = 1 << 30;
 
@@ -280,9 +283,12 @@ fn table_text(designs: &[Design]) -> io::Result<Vec<u8>> {
         if has_robust(designs) {
             cells.extend([known(design.robust_mm)]);
         }
+        let values = [design.predicted_mm, design.simulated_mm, design.error_mm];
         if has_rotation(designs) {
-            let values = [design.predicted_mm, design.simulated_mm, design.error_mm];
             cells.extend(values.map(|value| known(value.and_then(|value| design.objective.degrees(value)))));
+        }
+        if has_volume(designs) {
+            cells.extend(values.map(|value| known(value.and_then(|value| design.objective.millilitres(value)))));
         }
         if has_front(designs) {
             cells.extend(front_row(design));
@@ -303,6 +309,9 @@ fn columns(designs: &[Design]) -> Vec<&'static str> {
     if has_rotation(designs) {
         columns.extend(ANGLE_COLUMNS);
     }
+    if has_volume(designs) {
+        columns.extend(VOLUME_COLUMNS);
+    }
     if has_front(designs) {
         columns.extend(FRONT_COLUMNS);
     }
@@ -318,6 +327,11 @@ fn has_robust(designs: &[Design]) -> bool {
 /// Whether the values of some designs are arc lengths of rotations.
 fn has_rotation(designs: &[Design]) -> bool {
     designs.iter().any(|design| design.objective.arm_mm.is_some())
+}
+
+/// Whether the values of some designs are mean heights of volumes.
+fn has_volume(designs: &[Design]) -> bool {
+    designs.iter().any(|design| design.objective.ml_per_mm.is_some())
 }
 
 /// Whether some designs are points of fronts.

@@ -285,6 +285,7 @@ pub(crate) mod tests {
             pattern: Pattern::from_fn(Raster::PAPER, |_, _| true),
             predicted: Some(vec![0.0; 5202]),
             simulated: None,
+            heights: None,
             states: Vec::new(),
             predicted_mm: Some(1.0),
             robust_mm: None,

@@ -61,6 +61,9 @@ pub struct Design {
     pub predicted: Option<Vec<f64>>,
     /// The simulated one; `None` without a stable solution.
     pub simulated: Option<Vec<f64>>,
+    /// The simulated change of the heights of the cell corners in mm, in the first state, of a membrane that leaves its
+    /// plane.
+    pub heights: Option<Vec<f64>>,
     /// The displacement in each state of a device with several: simulated, or else predicted.
     pub states: Vec<StateField>,
     /// Predicted mean displacement along the target directions, mm; `None` if the evaluator has no field.
@@ -153,7 +156,8 @@ impl Design {
             Some(state) => &state.field,
             None => self.simulated.as_ref().or(self.predicted.as_ref())?,
         };
-        self.deformed(field, state)
+        let membrane = self.deformed(field, state)?;
+        Some(membrane.with_heights(self.heights.as_deref().filter(|_| state.is_none())))
     }
 
     /// Returns the membrane with another displacement in mm from the mount; `None` if that does not fit.
@@ -262,7 +266,7 @@ impl Design {
     /// Writes a value; one in another unit than mm with its unit, an arc length with its angle.
     #[must_use]
     pub fn number(&self, value: f64) -> String {
-        self.with_unit(mm(value)) + &self.objective.angle(value)
+        self.with_unit(mm(value)) + &self.objective.converted(value)
     }
 
     /// Adds the unit to a number, if it is not mm.

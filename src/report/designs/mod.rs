@@ -22,7 +22,7 @@ pub use front::OtherObjective;
 pub(super) use front::{in_nano, is_cost, objective_words, point_words};
 pub(super) use membranes::membranes;
 pub(super) use names::is_swept;
-pub use objective::{Objective, TargetMotion, quantity};
+pub use objective::{Objective, TargetMotion, TargetPoint, quantity};
 pub use read::designs;
 pub(super) use small_islands::small_islands;
 pub use statistics::{DesignStatistics, Extreme};

@@ -23,6 +23,8 @@ pub struct Objective {
     pub robust: Option<String>,
     /// The distance in mm by which an arc length is an angle in rad, if all targets are rotations with the same one.
     pub arm_mm: Option<f64>,
+    /// The volume in ml of a mean height of 1 mm, if all targets are volumes.
+    pub ml_per_mm: Option<f64>,
     /// The objective in the syntax of pipelines.
     pub text: String,
 }
@@ -60,13 +62,17 @@ pub enum TargetMotion {
     Turn(String),
     /// Area strain, as in the objective: `largest`, `smallest`, or a share.
     Grow(String),
+    /// Height, as in the objective: `up`, `down`, or a length.
+    Rise(String),
+    /// Volume, as in the objective: `largest`, `smallest`, or a volume.
+    Fill(String),
 }
 
 impl fmt::Display for TargetMotion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Along(degrees) => rounded(*degrees).fmt(f),
-            Self::Turn(how) | Self::Grow(how) => f.write_str(&how.replace(' ', "")),
+            Self::Turn(how) | Self::Grow(how) | Self::Rise(how) | Self::Fill(how) => f.write_str(&how.replace(' ', "")),
         }
     }
 }
@@ -114,6 +120,7 @@ impl Objective {
                     Some(format!("{word} {value}"))
                 }),
             arm_mm: arm_mm(&targets, scene),
+            ml_per_mm: ml_per_mm(&targets, scene),
             targets,
             value_mm: value.transpose()?.map(|value| value.value()),
         })
@@ -130,7 +137,11 @@ impl Objective {
     #[must_use]
     pub fn quantity(&self) -> &'static str {
         let all = |is: fn(&TargetPoint) -> bool| !self.targets.is_empty() && self.targets.iter().all(is);
-        if all(|target| target.is_region) {
+        if all(|target| matches!(target.motion, TargetMotion::Rise(_))) {
+            "change of the height"
+        } else if all(|target| matches!(target.motion, TargetMotion::Fill(_))) {
+            "change of the mean height"
+        } else if all(|target| target.is_region) {
             "change of the radius"
         } else if all(TargetPoint::is_rotation) {
             "arc length"
@@ -145,12 +156,21 @@ impl Objective {
         self.arm_mm.map(|arm| (value_mm / arm).to_degrees())
     }
 
-    /// Writes the angle of a value in mm, to be put behind it: ` (5.670°)`; nothing if values are no arc lengths of
-    /// rotations.
+    /// Returns the volume in ml of a value in mm, if values are mean heights of volumes.
     #[must_use]
-    pub fn angle(&self, value_mm: f64) -> String {
-        let degrees = self.degrees(value_mm);
-        degrees.map_or_else(String::new, |degrees| format!(" ({}°)", four_digits(degrees)))
+    pub fn millilitres(&self, value_mm: f64) -> Option<f64> {
+        self.ml_per_mm.map(|ml_per_mm| ml_per_mm * value_mm)
+    }
+
+    /// Writes what a value in mm stands for, to be put behind it: the angle of an arc length as ` (5.670°)`, the volume
+    /// of a mean height as ` (0.3140 ml)`; nothing for other values.
+    #[must_use]
+    pub fn converted(&self, value_mm: f64) -> String {
+        match (self.degrees(value_mm), self.millilitres(value_mm)) {
+            (Some(degrees), _) => format!(" ({}°)", four_digits(degrees)),
+            (None, Some(volume)) => format!(" ({} ml)", four_digits(volume)),
+            (None, None) => String::new(),
+        }
     }
 
     /// Returns the points that are listed; none for a field.
@@ -167,8 +187,8 @@ impl Objective {
     #[must_use]
     pub fn robust_text(&self, value: Option<f64>) -> Option<String> {
         let (words, value) = (self.robust.as_ref()?, value?);
-        let (unit, angle) = (self.unit(), self.angle(value));
-        Some(format!("{words} {} {unit}{angle}", mm(value)))
+        let (unit, converted) = (self.unit(), self.converted(value));
+        Some(format!("{words} {} {unit}{converted}", mm(value)))
     }
 
     /// Returns a coordinate of each point in mm, separated by spaces.
@@ -243,6 +263,7 @@ impl TargetPoint {
                 let [x, y] = self.point.map(rounded);
                 format!("the region about ({x}, {y}) mm")
             }
+            (None, None, None) if matches!(self.motion, TargetMotion::Fill(_)) => "the volume below".to_owned(),
             (None, None, None) => format!("({}, {}) mm", self.point[0], self.point[1]),
         };
         let motion = match (&self.motion, self.by) {
@@ -255,6 +276,14 @@ impl TargetPoint {
             (TargetMotion::Grow(how), _) => match how.starts_with(char::is_alphabetic) {
                 true => format!("with the {how} area strain"),
                 false => format!("with an area strain of {how}"),
+            },
+            (TargetMotion::Rise(how), _) => match how.as_str() {
+                "up" | "down" => format!("moved {how}"),
+                _ => format!("moved up by {how}"),
+            },
+            (TargetMotion::Fill(how), _) => match how.starts_with(char::is_alphabetic) {
+                true => format!("with the {how} change"),
+                false => format!("changed by {how}"),
             },
         };
         let state = self
@@ -300,6 +329,14 @@ fn arm_mm(targets: &[TargetPoint], scene: &Scene) -> Option<f64> {
     targets[1..].iter().all(is_same).then_some(first)
 }
 
+/// Returns the volume in ml of a mean height of 1 mm over the rectangle of the membrane; `None` if a target is no
+/// volume.
+fn ml_per_mm(targets: &[TargetPoint], scene: &Scene) -> Option<f64> {
+    let is_volume = |target: &TargetPoint| matches!(target.motion, TargetMotion::Fill(_));
+    let all = !targets.is_empty() && targets.iter().all(is_volume);
+    all.then(|| 1e-3 * scene.membrane().size_mm.iter().product::<f64>())
+}
+
 /// Returns what values in a unit are.
 #[must_use]
 pub fn quantity(unit: &str) -> &'static str {
@@ -311,7 +348,7 @@ pub fn quantity(unit: &str) -> &'static str {
 
 /// The key of an objective with one point, body, bar, region or force.
 fn one_target(root: &Node) -> Option<&Node> {
-    ["point", "body", "bar", "reaction", "region"]
+    ["point", "body", "bar", "reaction", "region", "volume"]
         .into_iter()
         .find_map(|key| root.peek(key))
 }
@@ -337,6 +374,7 @@ fn target_point(node: &Node, scene: &Scene) -> Result<TargetPoint, InputError> {
                 })?
             }
             (None, Some(side), None) => side.middle(scene.membrane().size_mm),
+            (None, None, None) if node.peek("volume").is_some() => scene.membrane().size_mm.map(|side| 0.5 * side),
             (None, None, None) => pair(node.peek("point").ok_or_else(|| missing(node, "point"))?, "point")?,
         },
         body,
@@ -374,6 +412,12 @@ fn motion(node: &Node) -> Result<TargetMotion, InputError> {
     }
     if let Some(strain) = node.peek("area_strain") {
         return Ok(TargetMotion::Grow(strain.text("area_strain")?.to_owned()));
+    }
+    if let Some(height) = node.peek("height") {
+        return Ok(TargetMotion::Rise(height.text("height")?.to_owned()));
+    }
+    if let Some(volume) = node.peek("volume") {
+        return Ok(TargetMotion::Fill(volume.text("volume")?.to_owned()));
     }
     match (node.peek("direction"), vector(node)) {
         (Some(direction), _) => {
@@ -492,10 +536,13 @@ mod tests {
         let arc = 29_f64.sqrt() * 5_f64.to_radians();
         assert!((rotated.degrees(arc).unwrap() - 5.0).abs() < 1e-12);
         assert_eq!(
-            (rotated.angle(arc).as_str(), rotated.quantity()),
+            (rotated.converted(arc).as_str(), rotated.quantity()),
             (" (5.000°)", "arc length")
         );
-        assert_eq!(of("{ body: 0, direction: 0, measure: displacement }").angle(1.0), "");
+        assert_eq!(
+            of("{ body: 0, direction: 0, measure: displacement }").converted(1.0),
+            ""
+        );
         assert!(Objective::read("{ body: 1, direction: 0 }", &scene).is_err());
         let region = "region: { rectangle: [[10 mm, 20 mm], [14 mm, 30 mm]] }";
         let grown = of(&format!("{{ {region}, area_strain: largest, measure: displacement }}"));

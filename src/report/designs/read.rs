@@ -12,7 +12,7 @@ use crate::designed_for;
 use crate::drawing::Background;
 use crate::error::ReportError;
 use crate::intervals;
-use deaflow_content::{DesignRowsView, Designs, StoredAttribute, Verification, predicted_rows};
+use deaflow_content::{DesignRowsView, Designs, Packed, StoredAttribute, Verification, predicted_rows};
 use deaflow_field::{Field, NO_FIELD};
 use deaflow_scene::Scene;
 
@@ -105,6 +105,7 @@ fn verified(source: &ArtifactReader<'_>) -> Result<Vec<Design>, ReportError> {
     );
     let scene = source.of(view.scene().read())?;
     let states = source.of(view.states().displacement().read_if_there())?;
+    let heights = source.of(view.space().height().read_if_there())?;
     for (design, search) in designs
         .iter_mut()
         .zip(designed_for::searched(source, &view.rows(), &scene)?)
@@ -125,6 +126,10 @@ fn verified(source: &ArtifactReader<'_>) -> Result<Vec<Design>, ReportError> {
             design.states = in_states(&scene, &states[row * each..][..each]);
         }
         design.simulated = Some(fields[row].values().to_vec());
+        design.heights = heights.as_ref().and_then(|Packed(heights)| {
+            let of_row = heights.chunks(heights.len() / fields.len().max(1)).nth(row)?;
+            Some(of_row[..fields[row].raster().corners().min(of_row.len())].to_vec())
+        });
         design.simulated_mm = Some(component.simulated[row]);
         // An unknown error is not zero.
         design.error_mm = (component.error_known[row] == 1).then_some(component.error[row]);
@@ -186,6 +191,7 @@ fn read(
             pattern: rows.patterns[k].clone(),
             predicted: predictions[k].map(|at| rows.predicted[at].values().to_vec()),
             simulated: None,
+            heights: None,
             states: match (prediction, &rows.states) {
                 (Some(at), Some(_)) => in_states(&scene, rows.predicted_in_states(at)),
                 _ => Vec::new(),

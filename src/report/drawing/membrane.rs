@@ -26,6 +26,10 @@ const STEP: usize = 2;
 /// The largest displacement in a drawing, as a fraction of the side.
 const FARTHEST: f64 = 0.1;
 
+/// Heights are drawn at most so high from the side, as a share of the longer side, and lengths along y so short.
+const HIGHEST: f64 = 0.3;
+const TILT: f64 = 0.4;
+
 /// The rectangle of a membrane, with its frame and bodies.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Background {
@@ -234,6 +238,8 @@ pub struct DeformedMembrane {
     background: Background,
     pattern: Pattern,
     displacement: Field,
+    /// Those of the cell corners in mm; none in the plane.
+    heights: Vec<f64>,
     points: Vec<[f64; 2]>,
     /// The state that is drawn, if the device has several.
     state: Option<String>,
@@ -262,6 +268,7 @@ impl DeformedMembrane {
             pattern: Pattern::of_form(PatternForm::of_square_cells(raster, groups), cells)
                 .map_err(|e| incomplete(e.to_string()))?,
             displacement: Field::from_values(raster, displacement.to_vec()).map_err(|e| incomplete(e.to_string()))?,
+            heights: Vec::new(),
             background,
             points,
             state: None,
@@ -347,17 +354,24 @@ impl DeformedMembrane {
 
     /// Returns the lines of the deformed grid.
     fn grid_lines(&self, scale: f64) -> impl Iterator<Item = Vec<(f64, f64)>> {
+        self.lines_of_grid(move |x, y| self.moved([x as f64, y as f64], scale))
+    }
+
+    /// Returns the lines of the grid, with each corner of cells at a place.
+    fn lines_of_grid(
+        &self,
+        place: impl Fn(usize, usize) -> (f64, f64) + Copy,
+    ) -> impl Iterator<Item = Vec<(f64, f64)>> {
         let [columns, rows] = self.background.raster().sides();
         // The last point is always at the edge.
         let along = |cells: usize| (0..cells).step_by(STEP).chain([cells]);
-        let moved = move |x: usize, y: usize| self.moved([x as f64, y as f64], scale);
         let [across, up] = self.background.lines();
         let horizontal = up
             .into_iter()
-            .map(move |y| along(columns).map(|x| moved(x, y)).collect());
+            .map(move |y| along(columns).map(|x| place(x, y)).collect());
         let vertical = across
             .into_iter()
-            .map(move |x| along(rows).map(|y| moved(x, y)).collect());
+            .map(move |x| along(rows).map(|y| place(x, y)).collect());
         horizontal.chain(vertical)
     }
 
@@ -404,6 +418,53 @@ impl DeformedMembrane {
             g stroke="none" shape-rendering="crispEdges" {
                 @for (share, cells) in &by_colour { path fill=(viridis(f64::from(*share) / 255.0)) d=(cells) {} }
             }
+        }
+    }
+
+    /// Sets the heights of the cell corners in mm, `[y][x]`; without them if their number is another.
+    #[must_use]
+    pub fn with_heights(self, heights: Option<&[f64]>) -> Self {
+        let corners = self.background.raster().corners();
+        let heights = heights.filter(|heights| heights.len() == corners);
+        Self {
+            heights: heights.unwrap_or_default().to_vec(),
+            ..self
+        }
+    }
+
+    /// Returns the factor of the heights in [`Self::from_the_side`]; `None` of a membrane in its plane.
+    pub fn height_scale(&self) -> Option<f64> {
+        let highest = self
+            .heights
+            .iter()
+            .fold(0.0, |highest: f64, height| highest.max(height.abs()));
+        let factors = [100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0];
+        let room = HIGHEST * self.background.side();
+        (highest > 0.0).then(|| {
+            factors
+                .into_iter()
+                .find(|factor| factor * highest <= room)
+                .unwrap_or(1.0)
+        })
+    }
+
+    /// Draws the electrode and the grid from the side and above, true to scale but for heights.
+    pub fn from_the_side(&self, height_scale: f64) -> Markup {
+        let seen = |at: Point| {
+            let columns = self.background.raster().columns() + 1;
+            // Corners have heights; between them they are those of the nearest one.
+            let [x, y] = at.map(|c| c.round() as usize);
+            let (place, u) = (self.background.in_mm(at), self.displacement.at(at));
+            let height = height_scale * self.heights.get(y * columns + x).copied().unwrap_or(0.0);
+            let [x, y] = [0, 1].map(|k| place[k] + u[k]);
+            let low = 0.5 * (1.0 - TILT) * self.background.side();
+            to_drawing([x, low + TILT * y + height], self.background.side())
+        };
+        let lines = self.lines_of_grid(|x, y| seen([x as f64, y as f64]));
+        let grid = lines.map(|line| path(&line, false)).collect::<String>();
+        html! {
+            (electrodes("moved", &self.pattern, |group| edge(rings(group), seen)))
+            path class="mesh" d=(grid) {}
         }
     }
 

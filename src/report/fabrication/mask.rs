@@ -155,7 +155,7 @@ fn targets(design: &Design) -> Markup {
         @for target in design.objective.points() {
             @match &target.motion {
                 TargetMotion::Along(degrees) => { (direction(target.point, side, *degrees, ARROW)) }
-                TargetMotion::Turn(_) | TargetMotion::Grow(_) => { (direction(target.point, side, 0.0, 0.0)) }
+                _ => { (direction(target.point, side, 0.0, 0.0)) }
             }
         }
     }

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::{LINE, Lines, rows};
-use crate::designs::{Design, TargetMotion};
+use crate::designs::{Design, TargetMotion, TargetPoint};
 use crate::drawing::number;
 use crate::format::{set_options, shell_word};
 use crate::history::PipelineHistory;
@@ -209,11 +209,27 @@ fn turns(design: &Design) -> bool {
         .any(|target| matches!(target.motion, TargetMotion::Turn(_)))
 }
 
+/// Whether a height or a volume is to change.
+fn leaves_plane(design: &Design) -> bool {
+    let targets = &design.objective.targets;
+    targets
+        .iter()
+        .any(|target| matches!(target.motion, TargetMotion::Rise(_) | TargetMotion::Fill(_)))
+}
+
 /// Returns the columns of what is measured.
 fn columns(design: &Design, points: usize) -> Vec<String> {
     let unit = design.objective.unit();
     if unit != "mm" {
         return vec![format!("{}, {unit}", design.objective.quantity())];
+    }
+    if leaves_plane(design) {
+        let of_target = |(k, target): (usize, &TargetPoint)| match target.motion {
+            TargetMotion::Rise(_) => Some(format!("height {k}, mm")),
+            TargetMotion::Fill(_) => Some("volume, ml".to_owned()),
+            _ => None,
+        };
+        return (1..).zip(design.objective.points()).filter_map(of_target).collect();
     }
     let of_point = |k: usize| match points {
         0 | 1 => ["x, mm".to_owned(), "y, mm".to_owned()],
@@ -265,6 +281,9 @@ fn unreadable(design: &Design) -> Option<&'static str> {
     }
     if turns(design) {
         return Some("deaflow does not read measured angles.");
+    }
+    if scene.is_in_space() {
+        return Some("deaflow compare does not simulate membranes that leave their plane.");
     }
     if scene.states.iter().len() > 0 {
         return Some("deaflow reads no curve of a device with several states: give each state a scene of its own.");

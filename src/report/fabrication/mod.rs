@@ -129,7 +129,7 @@ impl FabricationSheet<'_> {
         let design = self.design;
         let predicted = design.predicted_mm.map(|value| {
             let unit = design.objective.unit();
-            let angle = design.objective.angle(value);
+            let angle = design.objective.converted(value);
             format!("predicted {} {unit}{angle} by the evaluator of the search", mm(value))
         });
         facts(design, None)
@@ -138,7 +138,7 @@ impl FabricationSheet<'_> {
             .chain(
                 design
                     .distance_mm
-                    .map(|off| format!("{} mm{} from the target", mm(off), design.objective.angle(off))),
+                    .map(|off| format!("{} mm{} from the target", mm(off), design.objective.converted(off))),
             )
             .chain(voltages(design))
             .chain(devices)

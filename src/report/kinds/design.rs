@@ -77,7 +77,11 @@ impl Presenter for DesignPresenter {
             let best: Vec<f64> = best_rows.iter().filter_map(|row| values.get(*row)).copied().collect();
             let (stage, unit) = (&source.stage.stage, source.of(view.unit())?);
             let objective = objective(source, &view)?;
-            let angle = |value: f64| objective.as_ref().map_or_else(String::new, |read| read.angle(value));
+            let angle = |value: f64| {
+                objective
+                    .as_ref()
+                    .map_or_else(String::new, |read| read.converted(value))
+            };
             let robust = source.of(view.robust().read())?;
             let robust = match (&best_rows[..], &robust) {
                 ([row], Some(values)) => values.get(*row).copied(),

@@ -180,7 +180,7 @@ impl FoundFront {
         let others: Vec<String> = others
             .map(|(objective, value)| format!("{} {}", mm(*value), objective.unit))
             .collect();
-        let first = format!("{} {}{}", mm(point.gain), self.unit, self.first.angle(point.gain));
+        let first = format!("{} {}{}", mm(point.gain), self.unit, self.first.converted(point.gain));
         point_words(&first, &others, point.area, point.charge_nc)
     }
 

@@ -153,8 +153,30 @@ fn pair(design: &Design, sweep: Option<&VoltageSweep>) -> Markup {
                 }
                 (None, None) => { figure { (deformed(design, None, scale)) figcaption { "With voltage, " (times) } } }
             }
+            @if let Some((side, caption)) = from_the_side(design) {
+                figure { (side) figcaption { (caption) } }
+            }
         }
     }
+}
+
+/// Draws how far a membrane moves out of its plane, and says how; `None` if it stays there.
+fn from_the_side(design: &Design) -> Option<(Markup, String)> {
+    let membrane = design.membrane(None)?;
+    let scale = membrane.height_scale()?;
+    let times = match scale {
+        1.0 => "true to scale".to_owned(),
+        scale => format!("drawn {scale} times as large"),
+    };
+    let [left, top, width, height] = design.background.view();
+    let view = format!("{left} {top} {width} {height}");
+    let drawn = html! {
+        svg.membrane viewBox=(view) role="img" aria-label="The membrane from the side" {
+            title { "The membrane from the side" }
+            (membrane.from_the_side(scale))
+        }
+    };
+    Some((drawn, format!("From the side: heights by the voltage, {times}")))
 }
 
 /// Draws two membranes of the sides of a design side by side.
@@ -190,7 +212,7 @@ fn point(design: &Design) -> String {
             "{} {}{}",
             mm(value),
             design.objective.unit(),
-            design.objective.angle(value)
+            design.objective.converted(value)
         ),
         (None, _) => "no value".to_owned(),
     };
@@ -256,9 +278,9 @@ fn front_facts(points: &[&Design], all: &[Design]) -> Vec<String> {
 pub(crate) fn sentence(design: &Design) -> String {
     let unit = design.objective.unit();
     let value = match (design.simulated_mm, design.predicted_mm, simulated(design)) {
-        (Some(value), ..) => format!("{} {unit}{}", mm(value), design.objective.angle(value)),
+        (Some(value), ..) => format!("{} {unit}{}", mm(value), design.objective.converted(value)),
         (None, _, Some(why)) => why,
-        (None, Some(value), None) => format!("{} {unit}{} predicted", mm(value), design.objective.angle(value)),
+        (None, Some(value), None) => format!("{} {unit}{} predicted", mm(value), design.objective.converted(value)),
         (None, None, None) => "no value".to_owned(),
     };
     format!("{value}{}", at_voltage(design))
@@ -303,7 +325,7 @@ pub(crate) fn facts(design: &Design, all: Option<&[Design]>) -> Vec<String> {
             "± {} {}{} by the mesh; the error of the model is not included",
             three(error),
             design.objective.unit(),
-            design.objective.angle(error)
+            design.objective.converted(error)
         ));
     }
     if !matches!(design.status.as_str(), "" | "met") {

@@ -137,7 +137,7 @@ fn numbers(design: &Design) -> Markup {
     let value = match (simulated(design), design.predicted_mm) {
         (Some(simulated), _) => simulated,
         (None, Some(predicted)) => {
-            let (unit, angle) = (design.objective.unit(), design.objective.angle(predicted));
+            let (unit, angle) = (design.objective.unit(), design.objective.converted(predicted));
             format!("{} {unit}{angle} predicted", mm(predicted))
         }
         (None, None) => "no value".to_owned(),
@@ -229,7 +229,7 @@ fn rows(design: &Design) -> Markup {
 pub(super) fn simulated(design: &Design) -> Option<String> {
     match (design.simulated_mm, &design.outcome, design.error_mm) {
         (Some(value), _, error) => {
-            let (unit, angle) = (design.objective.unit(), design.objective.angle(value));
+            let (unit, angle) = (design.objective.unit(), design.objective.converted(value));
             Some(format!("{} {unit}{angle}", mm_measured(value, error)))
         }
         (None, Some(outcome), _) => Some(format!("no stable solution found ({outcome})")),

@@ -175,7 +175,7 @@ fn row(design: &Design, is_swept: bool) -> Vec<String> {
         member => format!(" {}", member + 1),
     };
     let simulated = match (design.simulated_mm, design.error_mm, &design.outcome) {
-        (Some(value), error, _) => design.with_unit(mm_measured(value, error)) + &design.objective.angle(value),
+        (Some(value), error, _) => design.with_unit(mm_measured(value, error)) + &design.objective.converted(value),
         (None, _, Some(outcome)) => outcome.to_string(),
         (None, _, None) => "not verified".to_owned(),
     };
