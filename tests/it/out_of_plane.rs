@@ -247,6 +247,161 @@ fn what_is_not_simulated_under_pressure_is_refused() {
     }
 }
 
+/// A pipeline that designs and verifies in the scene of this file, with more keys of the scene and of the stages.
+fn pipeline(scene: &str, design: &str, verify: &str) -> String {
+    format!(
+        "version: 1\nname: pump\nscene: {{ {}, {scene} }}\nstages:\n  design: {{ kind: design, method: adjoint, area: \
+         free, starts: 1, seed: 1, {design} }}\n  verified: {{ kind: verify, needs: [design], elements_per_cell: 1, \
+         order: 2{verify} }}\n",
+        SCENE.trim_end().replace('\n', ", ")
+    )
+}
+
+#[test]
+fn designs_for_heights_and_volumes_are_what_solve_finds() {
+    let workspace = workspace();
+    workspace.write("all.csv", &"1,1,1,1,1,1,1,1,1,1\n".repeat(10));
+    let body = "{ rectangle: [[20 mm, 20 mm], [30 mm, 30 mm]], load: [0 N, 0 N, 0.3 N] }";
+    let hub = format!("bodies: [{body}]");
+    let of_hub = SCENE.replace("cells: 10", &format!("cells: 10, {hub}"));
+    workspace.write("hub.yaml", &of_hub);
+    let membrane_mm2 = 2500.0;
+    for (loads, objective, key, per_mm) in [
+        (
+            "loads: { pressure: 1 kPa }",
+            "{ volume: largest }",
+            "volume_ml",
+            1e-3 * membrane_mm2,
+        ),
+        (
+            "loads: { volume: 3 ml }",
+            "{ point: [25 mm, 25 mm], height: up }",
+            "height_mm",
+            1.0,
+        ),
+        ("", "{ body: 0, height: up }", "body_translation_mm", 1.0),
+    ] {
+        let (scene, text) = match loads {
+            "" => (
+                "hub.yaml",
+                pipeline("", &format!("objective: {objective}"), "").replace("cells: 10", &format!("cells: 10, {hub}")),
+            ),
+            _ => ("scene.yaml", pipeline(loads, &format!("objective: {objective}"), "")),
+        };
+        workspace.write("pump.yaml", &text.replace(", , ", ", ").replace(",  }", " }"));
+        let ended = workspace.run(&["run", "pump.yaml", "--json"]);
+        assert_eq!(ended.code, Some(0), "{loads}: {}", ended.stderr);
+        let document = ended.json();
+        let results = document["results"].as_array().unwrap();
+        let rows = results.iter().find(|of| of["stage"] == "verified").unwrap()["rows"]
+            .as_array()
+            .unwrap();
+        let row = |role: &str| rows.iter().find(|row| row["role"] == role).unwrap();
+        // Any electrode lets the membrane rise more than none, and the best one as much as all of it, or more.
+        let [best, all] = ["optimum", "intuitive"].map(|role| number(&row(role)["simulated_mm"]));
+        assert!(best > 0.01 && best >= all - 1e-6, "{objective}: {best} {all}");
+        assert!((number(&row("optimum")["predicted_mm"]) - best).abs() < 1e-6 * best);
+        // The intuitive design covers everything.
+        let state = |volts: &str| {
+            let mut more = vec!["--json", "--set", volts];
+            let set = loads.replacen(": ", "=", 1);
+            if !loads.is_empty() {
+                more.extend(["--set", set.as_str()]);
+            }
+            let first = [
+                "solve",
+                scene,
+                "all.csv",
+                "-o",
+                "out.h5",
+                "--order",
+                "2",
+                "--elements-per-cell",
+                "1",
+            ];
+            let ended = workspace.run(&[&first[..], &more].concat());
+            assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+            let found = ended.json()["equilibria"][0].clone();
+            match key {
+                "body_translation_mm" => number(&found[key][0][2]),
+                _ => number(&found[key]),
+            }
+        };
+        let stroke = state("drive.voltage=4 kV") - state("drive.voltage=0 V");
+        assert!(
+            (per_mm * all - stroke).abs() < 1e-5 * stroke.abs().max(0.1),
+            "{objective}: {all} {stroke}"
+        );
+        if key == "volume_ml" {
+            assert!((number(&row("intuitive")["simulated_ml"]) - stroke).abs() < 1e-5 * stroke);
+            let printed = workspace.run(&["run", "pump.yaml"]).stdout;
+            assert!(printed.contains(" ml)"), "{printed}");
+            let report = workspace.run(&["report", "pump.yaml", "-o", "page"]);
+            assert_eq!(report.code, Some(0), "{}", report.stderr);
+            let table = std::fs::read_to_string(workspace.path("page/data/designs.csv")).unwrap();
+            assert!(table.lines().next().unwrap().contains("simulated_ml"), "{table}");
+        }
+    }
+}
+
+#[test]
+fn stages_refuse_what_is_not_simulated_out_of_the_plane() {
+    let workspace = workspace();
+    let blown = "loads: { pressure: 500 Pa }";
+    let volume = "objective: { volume: largest }";
+    let point = "objective: { point: [25 mm, 25 mm], height: up";
+    for (scene, design, verify, why) in [
+        ("", volume, "", "needs a membrane that leaves its plane"),
+        (
+            "",
+            &*format!("{point} }}"),
+            "",
+            "needs a membrane that leaves its plane",
+        ),
+        (
+            blown,
+            &format!("{point}, robust: {{ worst: [1 mm] }} }}"),
+            "",
+            "with a `robust` objective",
+        ),
+        (
+            blown,
+            &format!("{point}, time: 1 s }}"),
+            "",
+            "with a `time` or `frequency`",
+        ),
+        (blown, volume, ", accuracy: 10 um", "with `accuracy`"),
+        (blown, volume, ", history: { at: [1 s] }", "with a `history`"),
+        (blown, volume, ", method: linear", "with a `method` other than `newton`"),
+        (
+            "loads: { pressure: 1 Pa }, effects: { fringe_field: {} }",
+            volume,
+            "",
+            "with `fringe_field`",
+        ),
+    ] {
+        let text = pipeline(scene, design, verify).replace("order: 2, accuracy", "accuracy");
+        let text = match verify.contains("accuracy") {
+            true => text.replace("elements_per_cell: 1, accuracy", "accuracy"),
+            false => text.replace(",  }", " }"),
+        };
+        workspace.write("refused.yaml", &text);
+        let ended = workspace.run(&["plan", "refused.yaml"]);
+        assert_eq!(ended.code, Some(2), "{why}: {}", ended.stderr);
+        assert!(ended.stderr.contains(why), "{why}: {}", ended.stderr);
+    }
+    let genetic = pipeline(blown, volume, "")
+        .replace("method: adjoint", "evaluator: linear")
+        .replace("starts: 1, ", "");
+    workspace.write("refused.yaml", &genetic);
+    let ended = workspace.run(&["plan", "refused.yaml"]);
+    assert!(
+        ended.stderr.contains("`evaluator: linear` cannot predict"),
+        "{}",
+        ended.stderr
+    );
+}
+
 #[test]
 fn a_hub_that_is_pulled_out_of_the_plane_has_a_translation_in_space() {
     let workspace = workspace();
