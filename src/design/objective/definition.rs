@@ -106,12 +106,14 @@ parameters! {
 
 parameters! {
     /// The volume between the membrane and its plane.
-    struct OneVolume as "the objective" {}
+    struct OneVolume as "the objective" {
+        /// Measure: the change of the volume (the default for words), or its distance from the target (the default for
+        /// targets).
+        measure: Option<&'static dyn Measure>,
+    }
     include {
         /// The volume.
         volume: VolumeParameters,
-        /// How it is measured.
-        measured: MotionMeasure,
     }
     rules(measure_supports_scalars)
 }
@@ -399,10 +401,13 @@ impl Objective {
             };
             (vec![PointOrBody::Region(Box::new(region))], measured, None)
         } else if node.peek("volume").is_some() {
-            let OneVolume { volume, measured } = OneVolume::read_with(node, &[])?;
+            let OneVolume { volume, measure } = OneVolume::read_with(node, &[])?;
             let measured = MeasureParameters {
                 value: None,
-                motion: measured,
+                motion: MotionMeasure {
+                    measure,
+                    ..MotionMeasure::default()
+                },
             };
             (vec![PointOrBody::Volume(volume)], measured, None)
         } else if node.peek("reaction").is_some() {

@@ -63,8 +63,6 @@ parameters! {
         /// `counterclockwise` or `clockwise` for a rotation as far as possible, or a target angle, positive
         /// counterclockwise. A rotation counts as the arc length of the body's outermost corner.
         pub(super) rotation: Option<Rotation>,
-        /// `up` or `down` for a height that changes as far as possible by the voltage, or its target change.
-        pub(super) height: Option<Height>,
         /// Weight relative to other points.
         pub(super) weight: Decimal [1e-9..=1e9] = 1.0,
         /// State of the device, if the scene has several.
@@ -79,6 +77,8 @@ parameters! {
     pub(super) struct BodyParameters as "a body of the objective" {
         /// Index in the `bodies` of the scene, from 0.
         pub(super) body: usize [0..=MOST_BODIES as u64 - 1],
+        /// `up` or `down` for a height that changes as far as possible by the voltage, or its target change.
+        pub(super) height: Option<Height>,
     }
     include {
         /// Its motion.
@@ -242,12 +242,11 @@ impl RigidMotion {
     }
 
     fn motion(&self, value: Option<Length>) -> Motion {
-        match (&self.translation, &self.rotation, &self.height) {
-            (Some(vector), ..) => Motion::To(vector.map(|c| c.value())),
-            (None, Some(Rotation::Farthest(counterclockwise)), _) => Motion::Turn(*counterclockwise),
-            (None, Some(Rotation::By(angle)), _) => Motion::TurnBy(angle.value()),
-            (None, None, Some(height)) => height.motion(),
-            (None, None, None) => along(self.direction, value),
+        match (&self.translation, &self.rotation) {
+            (Some(vector), _) => Motion::To(vector.map(|c| c.value())),
+            (None, Some(Rotation::Farthest(counterclockwise))) => Motion::Turn(*counterclockwise),
+            (None, Some(Rotation::By(angle))) => Motion::TurnBy(angle.value()),
+            (None, None) => along(self.direction, value),
         }
     }
 }
@@ -275,11 +274,12 @@ impl PointOrBody {
         self.rigid()?.rotation.as_ref()
     }
 
-    /// The height of a point, a body or a bar.
+    /// The height of a point or a body.
     fn height(&self) -> Option<&Height> {
         match self {
             Self::Point(point) => point.height.as_ref(),
-            _ => self.rigid()?.height.as_ref(),
+            Self::Body(body) => body.height.as_ref(),
+            Self::Bar(_) | Self::Reaction(_) | Self::Region(_) | Self::Volume(_) => None,
         }
     }
 
@@ -352,16 +352,16 @@ impl PointOrBody {
 
     /// The aim in a scene; `value` is the target displacement along directions.
     pub fn aim(&self, value: Option<Length>, scene: &Scene) -> Result<Aim, GoalError> {
-        if self.is_out_of_plane() && (!scene.is_in_space() || matches!(self, Self::Bar(_))) {
+        if self.is_out_of_plane() && !scene.is_in_space() {
             return Err(GoalError::StaysInPlane);
         }
-        let rigid = |motion: &RigidMotion, (centroid_mm, markers)| Aim {
+        let rigid = |own: &RigidMotion, height: Option<&Height>, (centroid_mm, markers)| Aim {
             point_mm: centroid_mm,
             body: Some(markers),
             reaction: None,
             region: None,
-            motion: motion.motion(value),
-            weight: motion.weight.to_f64(),
+            motion: height.map_or_else(|| own.motion(value), Height::motion),
+            weight: own.weight.to_f64(),
             state: 0,
         };
         let (aim, state) = match self {
@@ -377,8 +377,14 @@ impl PointOrBody {
                 };
                 (aim, &point.state)
             }
-            Self::Body(body) => (rigid(&body.motion, markers(scene, body.body)?), &body.motion.state),
-            Self::Bar(bar) => (rigid(&bar.motion, markers_of_bar(scene, bar.bar)?), &bar.motion.state),
+            Self::Body(body) => (
+                rigid(&body.motion, body.height.as_ref(), markers(scene, body.body)?),
+                &body.motion.state,
+            ),
+            Self::Bar(bar) => (
+                rigid(&bar.motion, None, markers_of_bar(scene, bar.bar)?),
+                &bar.motion.state,
+            ),
             Self::Reaction(reaction) => (reaction.aim(scene)?, &reaction.state),
             Self::Region(region) => (region.aim(scene)?, &region.state),
             Self::Volume(volume) => (volume.aim(scene), &volume.state),

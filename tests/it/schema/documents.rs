@@ -261,7 +261,32 @@ stages:
   measured: { kind: design, seed: 1, objective: { region: { disc: { centre: [25 mm, 25 mm], radius: 4 mm } }, area_strain: largest, state: push, measure: displacement } }
 ";
 
-/// The same at a time.
+/// Designs for heights and volumes.
+const INFLATED: &str = "
+version: 1
+name: inflated
+scene:
+  geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50,
+    bodies: [{ rectangle: [[20 mm, 20 mm], [30 mm, 30 mm]], load: [0 N, 0 N, 0.2 N] }] }
+  material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
+  loads: { pressure: 500 Pa }
+  states: { push: { voltages: [5 kV, 0 V] }, pull: { voltages: [0 V, 5 kV] } }
+stages:
+  raised: { kind: design, seed: 1, objective: { point: [10, 10], height: up, weight: 2, state: push, measure: displacement } }
+  met: { kind: design, seed: 1, objective: { point: [10, 10], height: 1 mm, state: push } }
+  hub: { kind: design, seed: 1, objective: { body: 0, height: down, weight: 2, state: pull, measure: displacement } }
+  filled: { kind: design, seed: 1, objective: { volume: largest, weight: 2, state: push, measure: displacement } }
+  given: { kind: design, seed: 1, objective: { volume: 0.1 ml, state: push } }
+  several: { kind: design, seed: 1, targets: [{ name: one, objective: { volume: smallest, weight: 2, state: push, measure: displacement } },
+      { name: two, objective: { body: 0, height: 1 mm, state: push } }, { name: three, objective: { point: [10, 10], height: down, state: push } },
+      { name: four, objective: { points: [{ volume: 0.1 ml, weight: 2, state: push }, { body: 0, height: 1 mm, state: pull },
+        { point: [10, 10], height: -1 mm, state: pull }] } }] }
+  together: { kind: design, seed: 1, objective: { points: [{ volume: largest, weight: 2, state: push }, { body: 0, height: up, state: pull },
+    { point: [10, 10], height: up, state: pull }] } }
+  checked: { kind: verify, needs: [raised] }
+";
+
+/// Designs for areas at a time.
 const GROWTH: &str = "
 version: 1
 name: growth
@@ -468,8 +493,9 @@ pub fn of(kind: Kind) -> Vec<Value> {
             let of_points = with_robust(json(&pipeline), ["point", "points"]);
             let of_bodies = with_robust(json(DEVICE), ["body", "bar"]);
             let of_regions = with_robust(json(REGIONS), ["region", "points"]);
-            let all = [of_points, of_bodies, of_regions, json(GROWTH), json(CREEP), json(SWING)];
-            all.map(with_fronts).to_vec()
+            let others = [GROWTH, CREEP, SWING, INFLATED].map(json);
+            let all = [of_points, of_bodies, of_regions].into_iter().chain(others);
+            all.map(with_fronts).collect()
         }
         Kind::Scene => {
             let laws = Stiffening::EXAMPLES.iter().map(|law| {
