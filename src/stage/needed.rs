@@ -266,24 +266,30 @@ pub fn own_calibrations(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<
     Ok(())
 }
 
-/// Refuses verified designs of a device with states in a training.
+/// Refuses verified designs of a device of which no network is trained.
 ///
 /// # Errors
-/// If a need is a verify stage in a scene with states.
-pub fn no_designs_in_states(stage: &StageDeclaration<'_>, needs: &[StageDeclaration<'_>]) -> Result<(), InputError> {
+/// If a need is a verify stage in a scene with states, or of a membrane that leaves its plane.
+pub fn no_designs_without_networks(
+    stage: &StageDeclaration<'_>,
+    needs: &[StageDeclaration<'_>],
+) -> Result<(), InputError> {
     for need in needs.iter().filter(|need| need.kind == "verify") {
-        let has_states = need
-            .scene
-            .and_then(|node| scene::read(node).ok())
-            .is_some_and(|scene| !scene.states.is_empty());
-        if has_states {
-            let message = format!(
-                "`{}` simulates all states of the device, and a network is of one state",
-                need.name
+        let Some(scene) = need.scene.and_then(|node| scene::read(node).ok()) else {
+            continue;
+        };
+        let refused = |what: &str, help: &str| {
+            let error = named(stage, need.name).error(format!("`{}` simulates {what}", need.name));
+            Err(error.help(format!("remove it from `needs`, or remove `rounds`{help}")))
+        };
+        if scene.is_in_space() {
+            return refused("a membrane that leaves its plane, of which there are no networks", "");
+        }
+        if !scene.states.is_empty() {
+            return refused(
+                "all states of the device, and a network is of one state",
+                "; solve patterns in a `state` to train on more",
             );
-            return Err(named(stage, need.name)
-                .error(message)
-                .help("remove it from `needs`, or remove `rounds`; solve patterns in a `state` to train on more"));
         }
     }
     Ok(())

@@ -78,7 +78,7 @@ impl Kind for TrainKind {
         needed::one_device(stage, needs)?;
         needed::no_edges_within_cells(stage, needs)?;
         needed::labels_from_rest(stage, needs)?;
-        needed::no_designs_in_states(stage, needs)?;
+        needed::no_designs_without_networks(stage, needs)?;
         if needed::count(needs, &["train"]) > 1 {
             return Err(needed::wrong_number(
                 stage,
