@@ -12,7 +12,7 @@ use super::{CliError, project};
 use deaflow_base::{Dimension, InputError, NodeValue, Override, Quantity, Time, read_bounded};
 use deaflow_design::DesignFilter;
 use deaflow_fem::WorkLimit;
-use deaflow_pattern::{DrawingOptions, DrawingUnit, Edges, PatternForm, Role};
+use deaflow_pattern::{DrawingOptions, DrawingUnit, Edges, PatternForm, PictureFormat, Role};
 use deaflow_scene::Scene;
 use deaflow_stage::direct::{self, NamedPatterns};
 use deaflow_store::Store;
@@ -58,16 +58,17 @@ impl StoreArguments {
         self.folder_for(Some(pipeline))
     }
 
-    /// Returns the folder of the store for the first reference that names a pipeline, as in `PIPELINE.yaml:STAGE` or
-    /// `PIPELINE.yaml@RUN`.
+    /// Returns the folder of the store for the first reference that names a pipeline, as in `PIPELINE.yaml:STAGE`,
+    /// `PIPELINE.yaml@RUN` or `FOLDER:STAGE`.
     pub fn folder_of_any<'a>(&self, references: impl IntoIterator<Item = &'a String>) -> PathBuf {
-        let file = |reference: &'a String| {
-            reference
-                .rsplit_once([':', '@'])
-                .map_or(reference.as_str(), |(file, _)| file)
+        let pipeline = |reference: &'a String| match reference.rsplit_once([':', '@']) {
+            Some((folder, _)) if Path::new(folder).is_dir() => pipeline_in(PathBuf::from(folder)).ok(),
+            Some((file, _)) => Some(PathBuf::from(file)),
+            None => Some(PathBuf::from(reference)),
         };
-        let mut files = references.into_iter().map(|reference| Path::new(file(reference)));
-        self.folder_for(files.find(|file| file.extension().is_some_and(|end| end == "yaml" || end == "yml")))
+        let mut files = references.into_iter().filter_map(pipeline);
+        let found = files.find(|file| file.extension().is_some_and(|end| end == "yaml" || end == "yml"));
+        self.folder_for(found.as_deref())
     }
 
     /// Returns the folder of the store for an optional pipeline.
@@ -384,6 +385,24 @@ impl DrawingArguments {
             ..usual
         }
     }
+
+    /// Adds to the notes on pictures without an electrode, or with nothing else, how light colours are read.
+    pub fn with_hints(&self, mut named: NamedPatterns) -> NamedPatterns {
+        let is_picture = |note: &str| PictureFormat::of(Path::new(note.split(": ").next().unwrap_or(note))).is_some();
+        for note in &mut named.notes {
+            let hint = match note.as_str() {
+                bare if bare.ends_with("has no electrode") => "--threshold 0.05 reads light colours as electrode too",
+                full if full.ends_with("is covered completely") => {
+                    "--threshold 0.9 reads only dark colours as electrode"
+                }
+                _ => continue,
+            };
+            if self.threshold.is_none() && is_picture(note) {
+                *note += &format!("; {hint}");
+            }
+        }
+        named
+    }
 }
 
 /// A point, measured from the lower left corner of the membrane.
@@ -453,7 +472,9 @@ impl PatternArguments {
             edges,
             ..self.drawings.options()
         };
-        direct::patterns(&self.patterns, form, &drawings)
+        Ok(self
+            .drawings
+            .with_hints(direct::patterns(&self.patterns, form, &drawings)?))
     }
 
     /// Refuses an output file with the extension of another format than HDF5.
@@ -628,6 +649,29 @@ mod tests {
         for refused in ["20", "-1GB", "GB", "0B", "1e9TB", "NaN GB", "20 Gb", "20 apples", ""] {
             assert!(size(refused).is_err(), "{refused}");
         }
+    }
+
+    #[test]
+    fn a_picture_without_an_electrode_gets_a_hint() {
+        let hinted = |threshold: Option<f64>, note: &str| {
+            let arguments = DrawingArguments {
+                layers: Vec::new(),
+                unit: None,
+                origin: None,
+                threshold,
+            };
+            let notes = vec![note.to_owned()];
+            let named = NamedPatterns {
+                notes,
+                ..NamedPatterns::default()
+            };
+            arguments.with_hints(named).notes[0].contains("--threshold")
+        };
+        assert!(hinted(None, "red.png: the pattern has no electrode"));
+        assert!(hinted(None, "red.png: the pattern is covered completely"));
+        assert!(!hinted(Some(0.1), "red.png: the pattern has no electrode"));
+        assert!(!hinted(None, "red.png: 100 × 100 pixels read by coverage"));
+        assert!(!hinted(None, "red.csv: the pattern has no electrode"));
     }
 
     #[test]

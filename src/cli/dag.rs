@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde_json::json;
 
+use super::arguments::pipeline_parser;
 use super::{CliError, Exit, Output, pipeline};
 use deaflow_orchestrator::StageSpec;
 
@@ -16,7 +17,8 @@ use deaflow_orchestrator::StageSpec;
     "deaflow dag pipeline.yaml --format dot | dot -Tsvg -o stages.svg",
 ))]
 pub struct DagArguments {
-    /// The pipeline, a YAML file
+    /// The pipeline: a YAML file, or a folder with exactly one [default: the current folder]
+    #[arg(default_value = ".", hide_default_value = true, value_parser = pipeline_parser())]
     pub pipeline: PathBuf,
     /// The output format
     #[arg(long, value_enum, default_value_t = DagFormat::Text)]

@@ -27,9 +27,10 @@ pub struct ExplainArguments {
 }
 
 pub fn execute(arguments: &ExplainArguments, output: &Output) -> Result<Exit, CliError> {
-    let both = locate::split(&arguments.stage).filter(|_| arguments.pipeline.is_none());
-    let (path, stage) = match (both, &arguments.pipeline) {
-        (Some((path, stage)), _) => (PathBuf::from(path), stage),
+    let split = |both| locate::split(both).map(|(path, stage)| (PathBuf::from(path), stage));
+    let both = split(&arguments.stage).or_else(|| locate::split_folder(&arguments.stage));
+    let (path, stage) = match (both.filter(|_| arguments.pipeline.is_none()), &arguments.pipeline) {
+        (Some(both), _) => both,
         (None, Some(path)) => (path.clone(), arguments.stage.as_str()),
         (None, None) => (pipeline_here(&arguments.stage)?, arguments.stage.as_str()),
     };

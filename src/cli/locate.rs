@@ -1,8 +1,9 @@
 //! Finds the artifact of a reference: a stage of the last run, or of the last run of a pipeline by its name,
 //! `PIPELINE.yaml:STAGE`, or a digest.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use super::arguments::pipeline_in;
 use super::{CliError, pipeline, upstream};
 use deaflow_base::{ArtifactId, Override, nearest, readable_time};
 use deaflow_orchestrator::{Environment, StageReport, Staleness, plan};
@@ -58,9 +59,10 @@ pub fn artifact_with(store: &Store, reference: &str, sets: &[String]) -> Result<
     check_stage_is_named(reference, None)?;
     let digest = match split(reference) {
         Some((pipeline, stage)) => of_pipeline(store, Path::new(pipeline), stage, sets)?,
-        None => match of_last_run(store, reference)? {
-            Some(digest) => digest,
-            None => of_digits(store, reference)?,
+        None => match (of_last_run(store, reference)?, split_folder(reference)) {
+            (Some(digest), _) => digest,
+            (None, Some((pipeline, stage))) => of_pipeline(store, &pipeline, stage, sets)?,
+            (None, None) => of_digits(store, reference)?,
         },
     };
     open(store, &digest)
@@ -124,6 +126,24 @@ pub fn is_pipeline(path: &Path) -> bool {
 pub fn split(reference: &str) -> Option<(&str, &str)> {
     let (pipeline, stage) = reference.rsplit_once(':')?;
     is_pipeline(Path::new(pipeline)).then_some((pipeline, stage))
+}
+
+/// Splits `FOLDER:STAGE`, where the folder has exactly one pipeline, into the pipeline and the stage.
+pub fn split_folder(reference: &str) -> Option<(PathBuf, &str)> {
+    let (folder, stage) = reference.rsplit_once(':')?;
+    let folder = Path::new(folder);
+    let pipeline = folder.is_dir().then(|| pipeline_in(folder.to_owned()).ok()).flatten()?;
+    Some((pipeline, stage))
+}
+
+/// Returns the only pipeline of a folder that an argument names, before `@` if it has one; other arguments unchanged.
+pub fn pipeline_of_folder(argument: &str) -> String {
+    let (folder, rest) = argument.split_at(argument.rfind('@').unwrap_or(argument.len()));
+    let folder = Path::new(folder);
+    match folder.is_dir().then(|| pipeline_in(folder.to_owned())) {
+        Some(Ok(pipeline)) => format!("{}{rest}", pipeline.display()),
+        _ => argument.to_owned(),
+    }
 }
 
 fn of_pipeline(store: &Store, path: &Path, name: &str, sets: &[String]) -> Result<ArtifactId, CliError> {

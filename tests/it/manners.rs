@@ -466,6 +466,19 @@ fn a_pipeline_alone_in_a_folder_need_not_be_named() {
     let empty = workspace.run(&["plan", "small.yaml", "--set", "stages.small.count="]);
     assert!(empty.code == Some(2) && empty.stderr.contains("`null`"), "{empty}");
     printed.add("plan with an empty value", empty);
+    // The folder of a pipeline, wherever it may be named.
+    for arguments in [
+        &["dag", "."][..],
+        &["dag"],
+        &["diff", "."],
+        &["diff", ".@1", "."],
+        &["show", ".:solved"],
+        &["explain", ".:solved"],
+        &["sweep", ".", "-n", "--set", "stages.small.count=3,4"],
+    ] {
+        let ended = workspace.run(arguments);
+        assert_eq!(ended.code, Some(0), "{arguments:?}: {ended}");
+    }
     let explained = workspace.run(&["explain", "solved"]);
     assert_eq!(explained.code, Some(0), "{}", explained.stderr);
     assert_eq!(
