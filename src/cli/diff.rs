@@ -12,7 +12,7 @@ use super::snapshot::{self, ByPath, Snapshot, SnapshotReader};
 use super::text::Text;
 use super::{CliError, Exit, Output, csv, locate, table};
 use deaflow_base::Canonical;
-use deaflow_orchestrator::is_filled;
+use deaflow_orchestrator::{is_filled, with_short_digest};
 
 /// Compare the parameters and results of two runs
 #[derive(Debug, Args)]
@@ -50,18 +50,15 @@ pub struct Change<T> {
 }
 
 pub fn execute(arguments: &DiffArguments, output: &Output) -> Result<Exit, CliError> {
-    let store = locate::existing_store(
-        &arguments
-            .store
-            .folder_of_any(arguments.from.iter().chain(&arguments.to)),
-    )?;
+    let [from, to] = [&arguments.from, &arguments.to].map(|named| named.as_deref().map(locate::pipeline_of_folder));
+    let store = locate::existing_store(&arguments.store.folder_of_any(from.iter().chain(&to)))?;
     let reader = SnapshotReader::new(&store);
     let sets = arguments.set.overrides()?;
-    let (from, to) = match (arguments.from.as_deref(), arguments.to.as_deref()) {
+    let (from, to) = match (from.as_deref(), to.as_deref()) {
         (Some(from), Some(to)) => (reader.read(from, &[])?, reader.read(to, &sets)?),
         (Some(from), None) if !sets.is_empty() => (reader.read(from, &[])?, reader.read(from, &sets)?),
         (Some(pipeline), None) if locate::is_pipeline(Path::new(pipeline)) => {
-            (reader.read(&format!("{pipeline}@1"), &[])?, reader.read(pipeline, &[])?)
+            (reader.last_of(pipeline)?, reader.read(pipeline, &[])?)
         }
         (Some(_), None) => {
             return Err(CliError::bad_input("nothing to compare it with")
@@ -231,7 +228,7 @@ fn text(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], result
         let mut table = table::table(&["parameter", "from", "to"], &[])
             .flowing(&["parameter", "from", "to"])
             .at_most(WIDTH);
-        let shown = |value: &Option<Canonical>| value.as_ref().map_or_else(|| "–".to_owned(), Canonical::to_string);
+        let shown = |value: &Option<Canonical>| value.as_ref().map_or_else(|| "–".to_owned(), with_short_digest);
         for (name, change) in together(parameters) {
             table.add_row([name, shown(&change.from), shown(&change.to)]);
         }
@@ -432,6 +429,47 @@ mod tests {
         let (from, to) = (of_groups(&grids), of_groups(&grids[..2]));
         let changes = changes([&from, &to], &snapshot::parameters([&from, &to]));
         assert!(changes.iter().any(|change| change.name == "stages.a.units.10.count"));
+    }
+
+    #[test]
+    fn changed_inputs_and_files_are_named() {
+        let side = |inputs: &[&[&str]], rows: &str| {
+            let mut side = Snapshot::new("side".to_owned());
+            let add = |side: &mut Snapshot, both: [&str; 2], parameters: Canonical| {
+                side.add_stage(both, Some(parameters), &["mask"; 0]);
+            };
+            for both in [["a", "solve"], ["b", "solve"], ["checked", "audit"]] {
+                add(&mut side, both, Canonical::map::<&str>([]));
+            }
+            add(&mut side, ["mine", "import"], Canonical::map([("rows", rows.into())]));
+            add(&mut side, ["set", "balance"], Canonical::map::<&str>([]));
+            let named = |names: &&[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+            side.set_inputs(inputs.iter().map(named).collect());
+            side
+        };
+        let digests = ["1", "2"].map(|of| deaflow_base::Digest::of(of.as_bytes()).to_string());
+        let told = |from: &Snapshot, to: &Snapshot| {
+            let changes = written_changes([from, to]);
+            text(from, to, &changes, &[]).show(Screen::default())
+        };
+        let first = side(&[&["a"], &["checked"]], &digests[0]);
+        for (inputs, part) in [
+            (&[&["b"][..], &["checked"]][..], "stages.set.needs"),
+            (&[&["a"]], "stages.set.without"),
+        ] {
+            let told = told(&first, &side(inputs, &digests[0]));
+            assert!(told.contains(part), "{told}");
+            assert_eq!(told.matches("stages.").count(), 1, "{told}");
+        }
+        // Two stages made the same artifact.
+        let same = told(&first, &side(&[&["b", "a"], &["checked"]], &digests[0]));
+        assert!(same.contains("parameters are identical"), "{same}");
+        let of_file = told(&first, &side(&[&["a"], &["checked"]], &digests[1]));
+        let words = format!("digest {}", &digests[1][..12]);
+        assert!(
+            of_file.contains("stages.mine.files") && of_file.contains(&words),
+            "{of_file}"
+        );
     }
 
     #[test]

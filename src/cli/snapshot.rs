@@ -5,12 +5,21 @@ use std::path::Path;
 
 use super::{CliError, locate, pipeline};
 use deaflow_base::{ArtifactId, Canonical, Override, readable_time};
-use deaflow_orchestrator::{Environment, Kind, Registry, StageError, as_set, file_of, is_of_users, plan};
+use deaflow_content::ArtifactKind;
+use deaflow_orchestrator::{
+    Environment, Kind, Registry, StageError, WITHOUT, as_set, file_of, is_digest, is_of_users, plan,
+};
 use deaflow_stage as stage;
-use deaflow_store::{Artifact, LockFile, Record, Run, RunStage, Store, StoreError};
+use deaflow_store::{Artifact, Command, LockFile, Record, Run, RunStage, Store, StoreError};
 
 /// The prefix of parameters that come from the scene.
 const SCENE: &str = "scene.";
+
+/// The key of a stage with the stages that it needs.
+const NEEDS: &str = "needs";
+
+/// The key of a stage with the names of its files.
+const FILES: &str = "files";
 
 /// A stage of a snapshot.
 #[derive(Clone)]
@@ -21,6 +30,8 @@ struct NamedStage {
     parameters: Option<Canonical>,
     /// The parameters that it has from the scene.
     from_scene: Vec<String>,
+    /// Of each input the stages that made it: several may make the same artifact. `None` if that is not known.
+    inputs: Option<Vec<Vec<String>>>,
 }
 
 /// One side of a comparison.
@@ -84,7 +95,15 @@ impl Snapshot {
             kind: kind.to_owned(),
             parameters,
             from_scene: from_scene.iter().map(|key| key.as_ref().to_owned()).collect(),
+            inputs: None,
         });
+    }
+
+    /// Sets the inputs of the stage that was added last: of each the names of the stages that made it.
+    pub fn set_inputs(&mut self, inputs: Vec<Vec<String>>) {
+        if let Some(stage) = self.stages.last_mut() {
+            stage.inputs = Some(inputs);
+        }
     }
 
     /// Splits the name of a result into its stage and the result. Names of stages may have dots.
@@ -117,6 +136,42 @@ impl Snapshot {
     /// Whether another snapshot has a stage of the same name and kind.
     pub fn shares_stages(&self, other: &Self) -> bool {
         self.stages.iter().any(|stage| other.same(stage).is_some())
+    }
+
+    /// Returns the inputs of a stage that differ from those of the same stage of another snapshot, by the key that names
+    /// them in a pipeline. A sweep is named once.
+    fn other_inputs(&self, stage: &NamedStage, other: &Self, same: &NamedStage) -> Vec<(&'static str, Canonical)> {
+        let (Some(own), Some(others)) = (&stage.inputs, &same.inputs) else {
+            return Vec::new();
+        };
+        let written = |inputs: &[&Vec<String>]| {
+            let names = inputs.iter().filter_map(|names| names.first());
+            let mut names: Vec<String> = names
+                .map(|name| name.split('@').next().unwrap_or(name).to_owned())
+                .collect();
+            names.dedup();
+            names
+        };
+        let of_key = |key: &'static str| {
+            let own = self.inputs_of(own, key == WITHOUT);
+            let others = other.inputs_of(others, key == WITHOUT);
+            let is_same = |(own, other): (&&Vec<String>, &&Vec<String>)| own.iter().any(|name| other.contains(name));
+            if own.len() == others.len() && own.iter().zip(&others).all(is_same) {
+                return None;
+            }
+            let (own, others) = (written(&own), written(&others));
+            (own != others).then(|| (key, own.iter().map(|name| Canonical::from(name.as_str())).collect()))
+        };
+        [NEEDS, WITHOUT].into_iter().filter_map(of_key).collect()
+    }
+
+    /// Returns the inputs that are audits, which `without` names, or all others.
+    fn inputs_of<'i>(&self, inputs: &'i [Vec<String>], audits: bool) -> Vec<&'i Vec<String>> {
+        let is_audit = |names: &&Vec<String>| {
+            let is_of = |stage: &NamedStage| names.contains(&stage.name) && stage.kind == ArtifactKind::Audit.name();
+            self.stages.iter().any(is_of)
+        };
+        inputs.iter().filter(|names| is_audit(names) == audits).collect()
     }
 
     /// Returns the stage of the same name and kind.
@@ -165,12 +220,18 @@ fn by_path(
             let is_of_both = |key: &&String| same.is_none_or(|same| same.from_scene.contains(key));
             let from_scene: Vec<&String> = stage.from_scene.iter().filter(is_of_both).collect();
             own[side].insert(format!("stages.{name}.kind"), Canonical::from(stage.kind.as_str()));
+            let other_inputs = same.map(|same| snapshot.other_inputs(stage, other, same));
+            for (key, inputs) in other_inputs.into_iter().flatten() {
+                own[side].insert(format!("stages.{name}.{key}"), inputs);
+            }
             let parameters = written(stage, same);
             for (path, value) in parameters.iter().flat_map(Canonical::leaves) {
-                if !is_of_users(&path) {
-                    continue;
-                }
-                let path = as_set(&path, &from_scene).into_owned();
+                let path = match is_of_users(&path) {
+                    true => as_set(&path, &from_scene).into_owned(),
+                    // The content of its files, which a user changes in the files.
+                    false if is_digest(value) => FILES.to_owned(),
+                    false => continue,
+                };
                 match path.starts_with(SCENE) {
                     true => of_scene[side].entry(path).or_default().push((name, value.clone())),
                     false => drop(own[side].insert(format!("stages.{name}.{path}"), value.clone())),
@@ -228,6 +289,23 @@ impl<'a> SnapshotReader<'a> {
             Some("lock") => self.of_lock_file(path),
             _ => self.of_digits(argument),
         }
+    }
+
+    /// Reads the last run of a pipeline by `run`, whose stages are those of the file, as `status` does; without one,
+    /// that of another command.
+    ///
+    /// # Errors
+    /// When there is none, or the store cannot be read.
+    pub fn last_of(&self, pipeline: &str) -> Result<Snapshot, CliError> {
+        let path = Path::new(pipeline);
+        let name = pipeline::name_in(path);
+        for run in self.store.runs_of(self.store.runs()?, &file_of(path), &name) {
+            let run = run?;
+            if run.command == Command::Run {
+                return self.of_run(&run);
+            }
+        }
+        self.of_number(pipeline, "1")
     }
 
     /// Reads the last run, and the one before it of the same pipeline; the earlier one first.
@@ -303,6 +381,8 @@ impl<'a> SnapshotReader<'a> {
             let record = self.store.record(&stage.key)?.record();
             let both = [stage.name.as_str(), &stage.kind];
             Self::stage(&mut snapshot, both, record.as_ref(), &stage.from_scene);
+            let named = run.stages.iter().map(|made| (made.name.as_str(), &made.artifact));
+            Self::inputs(&mut snapshot, record.as_ref(), named);
         }
         Ok(snapshot)
     }
@@ -328,6 +408,8 @@ impl<'a> SnapshotReader<'a> {
         for (spec, report) in pipeline.stages.iter().zip(&reports) {
             let parameters = Some(spec.stage().parameters());
             snapshot.add_stage([&spec.name, spec.kind.name()], parameters, &spec.from_scene);
+            let needs = spec.needs.iter().map(|&need| vec![pipeline.stages[need].name.clone()]);
+            snapshot.set_inputs(needs.collect());
             match report.digest.filter(|_| report.why.is_none()) {
                 Some(digest) => self.results(&mut snapshot, &spec.name, &digest),
                 None => snapshot.unknown.push(format!("results of `{}`: not built", spec.name)),
@@ -346,6 +428,8 @@ impl<'a> SnapshotReader<'a> {
                 .map_or("", |record| record.action.kind.as_str())
                 .to_owned();
             Self::stage(&mut snapshot, [name, &kind], record.as_ref(), &[]);
+            let named = lock.stages.iter().map(|(name, stage)| (name.as_str(), &stage.artifact));
+            Self::inputs(&mut snapshot, record.as_ref(), named);
             self.results(&mut snapshot, name, &stage.artifact);
         }
         Ok(snapshot)
@@ -382,6 +466,22 @@ impl<'a> SnapshotReader<'a> {
                 .push(format!("parameters of `{name}` in {}: no record", snapshot.title));
         }
         snapshot.add_stage([name, kind], parameters, from_scene);
+    }
+
+    /// Sets the inputs of the stage that was added last, by the names of the stages that made them.
+    fn inputs<'s>(
+        snapshot: &mut Snapshot,
+        record: Option<&Record>,
+        made: impl Iterator<Item = (&'s str, &'s ArtifactId)> + Clone,
+    ) {
+        let Some(record) = record else { return };
+        let names = |input: &ArtifactId| -> Vec<String> {
+            let named = made.clone().filter(|(_, artifact)| *artifact == input);
+            let names: Vec<String> = named.map(|(name, _)| name.to_owned()).collect();
+            // The stage that made it is not in the run.
+            if names.is_empty() { vec![input.short()] } else { names }
+        };
+        snapshot.set_inputs(record.action.inputs.iter().map(names).collect());
     }
 
     /// Reads the errors of the results of a stage of a run. The history has the results themselves; where an artifact

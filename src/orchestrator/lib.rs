@@ -55,7 +55,7 @@ pub use schema::{pipeline_schema, scene_schema};
 pub use scratch::Scratch;
 pub use spec::{Pipeline, StageSpec, file_of, splice_scene, with_scene_file};
 pub use stage_progress::{Readiness, StageProgress, stage_progress};
-pub use staleness::{Staleness, as_set, is_filled, is_of_users};
+pub use staleness::{Staleness, as_set, is_digest, is_filled, is_of_users, with_short_digest};
 pub use sweep::{MANY_STAGES, MOST_STAGES, Sweep, axes_in};
 pub use without::{WITHOUT, names_stage};
 

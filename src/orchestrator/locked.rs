@@ -67,6 +67,7 @@ fn other_key(
     let current = Current {
         recipe: spec.recipe(),
         from_scene: &spec.from_scene,
+        files: &spec.files,
         kind: spec.kind,
         parameters: &parameters,
         inputs: &inputs,

@@ -340,6 +340,7 @@ impl<'a> Planner<'a> {
             recipe: spec.recipe(),
             kind: spec.kind,
             from_scene: &spec.from_scene,
+            files: &spec.files,
             parameters,
             inputs: &inputs,
         };

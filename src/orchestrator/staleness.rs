@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::fmt;
 
 use super::kind::Kind;
-use deaflow_base::{ArtifactId, Canonical, readable_time};
+use deaflow_base::{ArtifactId, Canonical, Digest, readable_time};
 use deaflow_store::{Condition, Record, Run};
 
 /// Why a stage is stale.
@@ -21,6 +21,11 @@ pub enum Staleness {
         from: String,
         /// Its present value.
         to: String,
+    },
+    /// The content of a file differs from the most similar of the last runs.
+    FileChanged {
+        /// The files that may have changed, as the pipeline names them.
+        which: Vec<String>,
     },
     /// An input differs from the most similar of the last runs, or is not built yet.
     InputChanged {
@@ -52,6 +57,10 @@ impl fmt::Display for Staleness {
             Self::ParameterChanged { which, from, to } => {
                 write!(f, "parameter changed: {which} from {from} to {to}")
             }
+            Self::FileChanged { which } => match which.as_slice() {
+                [one] => write!(f, "file changed: {one}"),
+                several => write!(f, "files changed: one or more of {}", several.join(", ")),
+            },
             Self::InputChanged { which } => write!(f, "input changed: {which}"),
             Self::RecipeChanged { from, to } => write!(f, "recipe changed: from {from} to {to}"),
             Self::Removed { at } => write!(f, "removed by gc at {}", readable_time(at)),
@@ -69,6 +78,8 @@ pub struct Current<'a> {
     pub kind: &'a dyn Kind,
     /// The parameters that it has from the scene.
     pub from_scene: &'a [String],
+    /// The files that it names, relative to the file of the pipeline.
+    pub files: &'a [String],
     /// Canonical parameters.
     pub parameters: &'a Canonical,
     /// Names of the stages that it needs, with their digests as far as known.
@@ -92,6 +103,12 @@ impl Staleness {
         let [now, then] = current.kind.as_written(both);
         let changed = |which: fn(&str) -> bool| parameters_changed([&now, &then], current.from_scene, which);
         let mut all = changed(is_of_users);
+        if !current.files.is_empty() {
+            let of_content = changed(|_| true).into_iter().filter(Self::is_of_content);
+            let files = files_changed(of_content, current.files);
+            all.retain(|one| !one.is_of_content());
+            all.splice(0..0, files);
+        }
         // What follows from changed parameters is no reason of its own. A smaller number is that of an older kind.
         let follows = !all.is_empty() && previous.action.recipe >= current.kind.recipe();
         all.extend(recipe_changed(current.recipe, previous.action.recipe).filter(|_| !follows));
@@ -103,6 +120,16 @@ impl Staleness {
             all.push(Self::NoRecord);
         }
         all
+    }
+
+    /// Whether it is the change of a digest that a stage has of its files.
+    fn is_of_content(&self) -> bool {
+        match self {
+            Self::ParameterChanged { which, from, to } => {
+                !which.starts_with("scene.") && [from, to].into_iter().all(|value| is_short_digest(value))
+            }
+            _ => false,
+        }
     }
 
     /// Returns why a stage with a record is stale, given the condition of its artifact or of one of its chunks.
@@ -117,7 +144,7 @@ fn parameters_changed(both: [&Canonical; 2], from_scene: &[String], which: fn(&s
     let absent = || "none".to_owned();
     let value = |leaves: &[(String, &Canonical)], path: &str| {
         let found = leaves.iter().find(|(other, _)| other == path);
-        found.map_or_else(absent, |(_, value)| value.to_string())
+        found.map_or_else(absent, |(_, value)| with_short_digest(value))
     };
     let changed = now.iter().filter(|leaf| !then.contains(leaf));
     let changed = changed.filter(|(path, value)| !is_filled(path, value, then.iter().map(|(path, _)| path)));
@@ -134,6 +161,46 @@ fn parameters_changed(both: [&Canonical; 2], from_scene: &[String], which: fn(&s
             to: value(&now, which),
         })
         .collect()
+}
+
+/// What a digest of content starts with where people read it.
+const DIGEST: &str = "digest ";
+
+/// Whether a value is the digest of content, as of files that a stage reads.
+#[must_use]
+pub fn is_digest(value: &Canonical) -> bool {
+    matches!(value, Canonical::Text(text) if text.parse::<Digest>().is_ok())
+}
+
+/// Formats a value for people; of a digest of content only the first digits, which suffice to tell two apart.
+#[must_use]
+pub fn with_short_digest(value: &Canonical) -> String {
+    match value {
+        Canonical::Text(text) => match text.parse::<Digest>() {
+            Ok(digest) => format!("{DIGEST}{}", digest.short()),
+            Err(_) => value.to_string(),
+        },
+        _ => value.to_string(),
+    }
+}
+
+fn is_short_digest(text: &str) -> bool {
+    text.starts_with(DIGEST)
+}
+
+/// Returns the change of files, given the changes of their digests: those files that the paths name, or all.
+fn files_changed(changes: impl Iterator<Item = Staleness>, files: &[String]) -> Option<Staleness> {
+    let paths: Vec<String> = changes
+        .filter_map(|change| match change {
+            Staleness::ParameterChanged { which, .. } => Some(which),
+            _ => None,
+        })
+        .collect();
+    let is_named = |file: &&String| paths.iter().any(|path| path.contains(file.as_str()));
+    let named: Vec<String> = files.iter().filter(is_named).cloned().collect();
+    (!paths.is_empty()).then(|| Staleness::FileChanged {
+        which: if named.is_empty() { files.to_vec() } else { named },
+    })
 }
 
 /// Parameters of stages that follow from others, and that users do not set: they separate results from those of earlier
@@ -249,6 +316,7 @@ mod tests {
                 recipe: 13,
                 kind: &&KIND,
                 from_scene: &["mask".to_owned()],
+                files: &[],
                 parameters: &parameters,
                 inputs: &[],
             };

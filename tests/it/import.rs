@@ -467,6 +467,20 @@ fn rows_that_an_audit_found_or_a_user_marked_are_dropped() {
         without.starts_with("2 rows dropped\naudit ") && without.contains("scale 2"),
         "{without}"
     );
+    // What a stage leaves out, and the content of a file, are differences of two runs.
+    let all = balance.replace(" without: [audited],", "");
+    workspace.stages(&["run", "own.yaml", "--set", audit, "--set", &all]);
+    let told = workspace.run(&["diff"]).stdout;
+    assert!(told.contains("stages.balanced.without"), "{told}");
+    let before = fields[9 * 5202..10 * 5202].to_vec();
+    fields[9 * 5202..10 * 5202].iter_mut().for_each(|value| *value *= 1.1);
+    npz(&workspace.path("a.npz"), &cells, &fields);
+    let plan = workspace.run(&["plan", "own.yaml"]).stdout;
+    assert!(plan.contains("file changed: a.npz"), "{plan}");
+    let told = workspace.run(&["diff", "own.yaml"]).stdout;
+    assert!(told.contains("stages.labels.files"), "{told}");
+    fields[9 * 5202..10 * 5202].copy_from_slice(&before);
+    npz(&workspace.path("a.npz"), &cells, &fields);
     // Rows that a user has marked, beside those of the audit.
     workspace.write("marked.txt", &format!("# rows of {}\n5\n3\n", digests["labels"]));
     let train = |without: &str| {

@@ -259,6 +259,10 @@ fn the_last_two_runs_of_one_pipeline_are_compared_and_a_pipeline_with_its_last_r
     let (changed, _) = diff(&workspace, &["other.yaml"]);
     assert_eq!(changed, [json!({ "path": "stages.small.count", "from": 8, "to": 60 })]);
     assert_eq!(diff(&workspace, &["short.yaml"]), (Vec::new(), Vec::new()));
+    // A sweep has other stages than the file.
+    let sweep = ["sweep", "short.yaml", "--quiet", "--set", "stages.small.count=4,5"];
+    workspace.stages(&sweep);
+    assert_eq!(diff(&workspace, &["short.yaml"]), (Vec::new(), Vec::new()));
 }
 
 #[test]
