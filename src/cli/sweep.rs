@@ -6,20 +6,24 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::arguments::{
-    PIPELINE, PipelineArguments, RemoteArguments, SetArguments, StoreArguments, VerbosityArguments,
+    PIPELINE, PipelineArguments, RemoteArguments, SetArguments, StoreArguments, VerbosityArguments, pipeline_parser,
 };
 use super::local_build::{Build, BuildResult, LockMode};
 use super::pipeline::load_file;
-use super::{CliError, Exit, Output, csv, plan, write};
+use super::text::Text;
+use super::{CliError, Exit, Output, csv, plan, table, write};
 use deaflow_base::{ArtifactId, CsvColumn, Document, Node, NodeValue, Override};
 use deaflow_content::Table;
-use deaflow_orchestrator::{StageReport, WITHOUT};
-use deaflow_report::ResultTable;
+use deaflow_orchestrator::{Pipeline, StageReport, WITHOUT};
+use deaflow_report::{ResultTable, figure_files};
 use deaflow_stage as stage;
 use deaflow_store::{Command, RunStage, Store};
 
 /// The heading of options about the table.
 const TABLES: &str = "Table";
+
+/// The most rows of the table that are printed.
+const MOST_ROWS: usize = 24;
 
 /// The name of the stage that collects the results.
 const TABLE: &str = "sweep";
@@ -30,7 +34,8 @@ const TABLE: &str = "sweep";
     "deaflow sweep pipeline.yaml --set scene.drive.voltage=\"4 kV, 5 kV\" --table max_displacement"
 ))]
 pub struct SweepArguments {
-    /// The pipeline, a YAML file
+    /// The pipeline: a YAML file, or a folder with exactly one [default: the current folder]
+    #[arg(default_value = ".", hide_default_value = true, value_parser = pipeline_parser())]
     pub pipeline: PathBuf,
     /// Comma-separated values of a field, such as scene.drive.voltage="3 kV, 4 kV"; values of several fields are
     /// combined.
@@ -79,6 +84,10 @@ pub struct SweepArguments {
 
 pub fn execute(arguments: &SweepArguments, output: &Output) -> Result<Exit, CliError> {
     let file = Document::load(&arguments.pipeline)?;
+    if file.root.peek("stages").is_none() {
+        // A scene is refused as by `run`.
+        load_file(&arguments.pipeline, &[], arguments.many)?;
+    }
     let sweep = SweepPlan::read(arguments, &file.root)?;
     if let Some(file) = &arguments.output {
         write::check_not_read(file, &[arguments.pipeline.to_string_lossy()])?;
@@ -124,11 +133,43 @@ pub fn execute(arguments: &SweepArguments, output: &Output) -> Result<Exit, CliE
         let origin = (title.as_str(), &*table.digest.to_string());
         write::csv_of(file, table.text.as_bytes(), origin, table.columns.clone())?;
     }
+    let store = complete.store().clone();
     let exit = complete.report(output)?;
-    if let Some(table) = table.filter(|_| arguments.csv) {
-        output.plain(&table.text)?;
+    match table {
+        Some(table) if arguments.csv => output.plain(&table.text)?,
+        Some(table) if !output.is_json() && !verbosity.progress.quiet => {
+            output.text(arguments.told(&table, &store, (&pipeline, &sweep.table)))?;
+        }
+        _ => {}
     }
     Ok(exit)
+}
+
+impl SweepArguments {
+    /// Tells what was asked for: the table, unless the details have it, and the files of the table and the figure.
+    fn told(&self, table: &Collected, store: &Store, (pipeline, stage): (&Pipeline, &str)) -> Text {
+        let mut text = Text::new();
+        if !self.verbosity.verbose {
+            let rows = table.table.rows.len();
+            text.line(table.table.text(MOST_ROWS));
+            if rows > MOST_ROWS {
+                let more = table::counted((rows - MOST_ROWS) as u64, "more rows");
+                text.line(format!("and {more}: --csv prints all"));
+            }
+        }
+        let digest = table.digest.to_string();
+        let figures = figure_files(store, &pipeline.file(), &pipeline.name, stage, &digest);
+        let missing = table.table.missing().into_iter();
+        let written = self
+            .output
+            .iter()
+            .map(|file| format!("table: {}", write::with_metadata(file)));
+        let drawn = figures.iter().map(|figure| format!("figure: {}", figure.display()));
+        missing.chain(written).chain(drawn).for_each(|line| {
+            text.line(line);
+        });
+        text
+    }
 }
 
 /// Splits an argument of `--set` into path and values.
@@ -140,6 +181,7 @@ fn split_set(set: &str) -> Option<(String, String)> {
 /// The table that a sweep has collected.
 struct Collected {
     digest: ArtifactId,
+    table: ResultTable,
     /// The table as CSV.
     text: String,
     columns: Vec<CsvColumn>,
@@ -162,6 +204,7 @@ fn collected(store: &Store, stages: &[StageReport], name: &str) -> Result<Option
         digest,
         text: csv::of_table(&table)?,
         columns: csv::titles(&table).into_iter().zip(&table.units).map(column).collect(),
+        table,
     }))
 }
 

@@ -85,6 +85,17 @@ impl ResultTable {
         json!({ "columns": columns.collect::<Value>(), "rows": rows.collect::<Value>() })
     }
 
+    /// Says how many rows are not in the figure because they have no value, as those of unstable patterns; `None` if
+    /// all are, or without a figure.
+    #[must_use]
+    pub fn missing(&self) -> Option<String> {
+        let name = self.plot.get(1)?;
+        let column = self.columns.iter().position(|column| column == name)?;
+        let without = self.rows.iter().filter(|row| row[column].1.is_none()).count();
+        let rows = self.rows.len();
+        (without > 0).then(|| format!("no {} in {without} of {rows} rows", name.replace('_', " ")))
+    }
+
     /// Returns the curves, one for each value of the series; `None` without numbers.
     #[must_use]
     pub fn curves(&self) -> Option<Curves> {
@@ -117,6 +128,7 @@ impl ResultTable {
         (!curves.is_empty()).then(|| Curves {
             labels: [x, y].map(|at| labelled(&self.columns[at].replace('_', " "), &self.units[at])),
             names: names.unwrap_or_default(),
+            missing: self.missing(),
             curves,
         })
     }

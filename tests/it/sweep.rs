@@ -171,6 +171,18 @@ fn a_pipeline_is_swept_without_editing_it() {
             (&json!("max_displacement_mm"), &json!("mm"))
         ]
     );
+    // Without --csv it prints the table for people, and where the files are.
+    let told = workspace.run(&sweep.map(|word| if word == "--csv" { "--keep-going" } else { word }));
+    for part in [
+        "voltage [V]",
+        "table: table.csv (described by ",
+        "figure: store/figures/",
+    ] {
+        assert!(told.stdout.contains(part), "{part}: {}", told.stdout);
+    }
+    workspace.write("scene.yaml", &super::common::scene_file());
+    let refused = workspace.refused(&["sweep", "scene.yaml", "--set", "drive.voltage=3 kV, 4 kV"]);
+    assert!(refused.contains("this file is a scene, not a pipeline"), "{refused}");
     let log = workspace.run(&["log", "plain.yaml", "--json"]).json();
     assert_eq!(
         log["runs"][0]["overrides"],

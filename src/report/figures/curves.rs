@@ -9,6 +9,8 @@ pub struct Curves {
     pub labels: [String; 2],
     /// Names along the horizontal axis instead of numbers: the points then lie at 0, 1, 2, …
     pub names: Vec<String>,
+    /// What is not drawn, because it has no value.
+    pub missing: Option<String>,
     /// The curves.
     pub curves: Vec<Curve>,
 }
@@ -39,7 +41,8 @@ pub fn curves_chart(data: &Curves) -> Result<Chart, FigureError> {
     };
     let series = Series::coloured(&data.curves);
     let series = series.map(|(curve, colour)| Series::new(&curve.name, colour, mark, curve.points.clone()));
-    let title = format!("{y_label} over {x_label}");
+    let missing = data.missing.iter().map(|missing| format!("; {missing}"));
+    let title = format!("{y_label} over {x_label}{}", missing.collect::<String>());
     Ok(Chart::new(title, [x, Axis::above(y_label, &up)], series.collect()).with_size(LARGE))
 }
 
