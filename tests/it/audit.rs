@@ -194,6 +194,12 @@ fn an_audit_with_errors_stops_what_waits_for_it() {
         "whether it stops is no part of what it finds"
     );
     assert_eq!(outcome(&ended, "surrogate").as_deref(), Some("built"));
+    // However many results come before it, a run ends with the errors.
+    let table = |name: &str| format!("stages.{name}={{ kind: table, needs: [balanced], columns: [rows] }}");
+    let (one, two) = (table("one"), table("two"));
+    let never = ["--set", "stages.audited.fail_on=never", "--set", &one, "--set", &two];
+    let ended = workspace.run(&[&["run", "p.yaml"], &strict[..], &never].concat());
+    assert!(ended.stdout.contains("audited: errors in "), "{ended}");
     // A surrogate is none the other for the audit that it waited for.
     let ended = run(&[]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
