@@ -42,6 +42,7 @@ fn histogram() -> Histogram {
 fn training(epochs: usize) -> Training {
     let curve = |a: f64, b: f64| (0..epochs).map(|k| a * (-0.4 * k as f64).exp() + b).collect();
     Training {
+        is_validated: true,
         train_loss: curve(0.3, 0.004),
         validation_loss: curve(0.2, 0.007),
         validation_rmse: curve(0.6, 0.031),
@@ -281,6 +282,26 @@ fn incomplete_data_is_refused_and_unusual_data_is_drawn() {
     for kept in [0, 4] {
         assert!(is_refused(Training { kept, ..training(3) }.sheet()));
     }
+    // Without validation samples the error is that on the training samples.
+    let charts = |is_validated| {
+        let training = Training {
+            is_validated,
+            ..training(3)
+        };
+        let charts = training.charts().unwrap();
+        let names = charts
+            .iter()
+            .flat_map(|chart| chart.series.iter().map(|series| series.name.clone()));
+        let has_validation = names.collect::<Vec<_>>().contains(&Some("validation".to_owned()));
+        (charts[1].title.clone(), has_validation)
+    };
+    let (title, has_validation) = charts(true);
+    assert!(title.starts_with("Validation error, ") && has_validation, "{title}");
+    let (title, has_validation) = charts(false);
+    assert!(
+        title.starts_with("Training error (no validation rows), ") && !has_validation,
+        "{title}"
+    );
     assert!(is_refused(evolution_sheet(&evolution(0))));
     assert!(is_refused(agreement_sheet(&[])));
     let mut field = [0.0; 5202];

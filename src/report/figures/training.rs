@@ -7,6 +7,8 @@ use crate::drawing::{Axis, Chart, Colour, FigureError, Mark, Series, Sheet};
 pub struct Training {
     /// Loss on the training samples.
     pub train_loss: Vec<f64>,
+    /// Whether there are validation samples. Without them `validation_rmse` is the error on the training samples.
+    pub is_validated: bool,
     /// Loss on the validation samples.
     pub validation_loss: Vec<f64>,
     /// Root mean square error on the validation samples, in mm.
@@ -38,16 +40,20 @@ impl Training {
                 self.kept
             )));
         };
-        let losses: [Curve<'_>; 2] = [
-            ("training", Colour::Blue, &self.train_loss),
-            ("validation", Colour::Vermillion, &self.validation_loss),
-        ];
-        let errors: [Curve<'_>; 1] = [("validation", Colour::Vermillion, &self.validation_rmse)];
+        // Without validation samples both curves of losses are of the training samples, once during an epoch and once
+        // at its end.
+        let (title, name, colour) = match self.is_validated {
+            true => ("Validation error", "validation", Colour::Vermillion),
+            false => ("Training error (no validation rows)", "training", Colour::Blue),
+        };
+        let mut losses: Vec<Curve<'_>> = vec![("training", Colour::Blue, &self.train_loss)];
+        losses.extend(self.is_validated.then_some((name, colour, &*self.validation_loss)));
+        let errors: [Curve<'_>; 1] = [(name, colour, &self.validation_rmse)];
         let rates: [Curve<'_>; 1] = [("at the end of the epoch", Colour::Green, &self.learning_rate)];
         Ok(vec![
             self.over_epochs("Loss", "Loss per sample", &losses),
             self.over_epochs(
-                &format!("Validation error, {error:.4} mm kept"),
+                &format!("{title}, {error:.4} mm kept"),
                 "RMSE of a displacement component [mm]",
                 &errors,
             ),

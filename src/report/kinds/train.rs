@@ -8,6 +8,9 @@ use crate::presenter::{Figures, Headline, Presenter, Results};
 use deaflow_content as content;
 use deaflow_content::ALL_FAMILIES;
 
+/// The rows of a dataset by which epochs are judged.
+const VALIDATION: &str = "validation";
+
 /// Presents train stages.
 pub struct TrainPresenter;
 
@@ -67,7 +70,9 @@ fn curves(source: &ArtifactReader<'_>) -> Result<Training, ReportError> {
     let view = source.of(content::Training::open(source.artifact))?;
     let curves = source.of(view.curves().read())?;
     let [kept] = source.of(view.best_epoch().read())?;
+    let splits = source.of(view.metrics().split().read())?;
     Ok(Training {
+        is_validated: splits.iter().any(|split| split == VALIDATION),
         train_loss: curves.train_loss,
         validation_loss: curves.validation_loss,
         validation_rmse: curves.validation_rmse,
