@@ -8,7 +8,7 @@ mod calibrated;
 mod content;
 mod predictors;
 
-use super::scene::area_revision;
+use super::scene::{area_revision, refused};
 use super::without::Dropped;
 use super::{labelled, needed, scene};
 use deaflow_base::{Canonical, Declared, Fields, InputError, Node, Parameter, Schema, parameters};
@@ -27,6 +27,8 @@ use predictors::NamedPredictor;
 const NO_MODEL: &str = "nothing to evaluate: add a model to `needs`, or `estimates`";
 
 const NO_DATA: &str = "no data to evaluate on: add solved samples or a balanced dataset to `needs`";
+
+const NO_ROWS: &str = "no rows to evaluate on: of a balanced dataset only its test rows are used, and it has none";
 
 /// The kind `evaluate`.
 pub struct EvaluateKind;
@@ -186,7 +188,10 @@ impl Stage for EvaluateStage {
             Ok(())
         })?;
         if rows.is_empty() {
-            return Err(StageError::input(NO_DATA));
+            // Checks before the run have found data.
+            return Err(refused(InputError::new(NO_ROWS).help(
+                "balance more patterns, of which one in ten is for tests, or add solved samples of other patterns to `needs`",
+            )));
         }
         Ok(content::evaluation(&predictors, &calibrated, &rows, scene).object())
     }

@@ -24,6 +24,23 @@ fn numbers(value: &Value) -> Vec<f64> {
 }
 
 #[test]
+fn a_balanced_set_without_test_rows_is_named_as_the_cause() {
+    let workspace = Workspace::tiny();
+    let few = [
+        "stages.small.count=2",
+        "stages.large.count_per_units=1",
+        "stages.large.units=[5]",
+        "stages.balanced.target=4",
+        "stages.judged={ kind: evaluate, needs: [balanced], estimates: [linear] }",
+    ];
+    let ended = workspace.run(&arguments("tiny.yaml", "judged", &few));
+    assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+    for part in ["only its test rows are used", "one in ten is for tests"] {
+        assert!(ended.stderr.contains(part), "{}", ended.stderr);
+    }
+}
+
+#[test]
 fn a_model_is_compared_with_estimates() {
     let workspace = Workspace::tiny();
     let stages = [FRESH, SOLVED, MORE, UNSEEN, INTERVALS, EVALUATED];
