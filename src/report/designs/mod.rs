@@ -24,7 +24,7 @@ pub(super) use membranes::membranes;
 pub(super) use names::is_swept;
 pub use objective::{Objective, TargetMotion, TargetPoint, quantity};
 pub use read::designs;
-pub(super) use small_islands::small_islands;
+pub(super) use small_islands::{separate_electrodes, small_islands};
 pub use statistics::{DesignStatistics, Extreme};
 pub(super) use ties::{Place, without_difference};
 

@@ -3,6 +3,13 @@
 use deaflow_content::GENOME_UNITS;
 use deaflow_pattern::{Bits, Pattern};
 
+/// Counts the separate electrodes, each of which needs a lead; `None` if each group is one piece.
+pub(crate) fn separate_electrodes(pattern: &Pattern) -> Option<usize> {
+    let groups = 1..=u8::try_from(pattern.groups()).unwrap_or(u8::MAX);
+    let pieces: Vec<usize> = groups.map(|group| pattern.of_group(group).islands().len()).collect();
+    pieces.iter().any(|pieces| *pieces > 1).then(|| pieces.iter().sum())
+}
+
 /// Says how many islands of a pattern are smaller than a unit of the genetic algorithm, as those that a search by
 /// single cells may leave; `None` if none is.
 pub(crate) fn small_islands(pattern: &Pattern) -> Option<String> {
@@ -26,6 +33,17 @@ pub(crate) fn small_islands(pattern: &Pattern) -> Option<String> {
 mod tests {
     use super::*;
     use deaflow_pattern::Raster;
+
+    #[test]
+    fn separate_electrodes_are_counted() {
+        let of = |is: &dyn Fn(usize, usize) -> bool| separate_electrodes(&Pattern::from_fn(Raster::PAPER, is));
+        assert_eq!(of(&|x, _| x < 20), None);
+        assert_eq!(of(&|_, _| false), None);
+        assert_eq!(of(&|x, y| x % 20 < 5 && y < 30), Some(3));
+        // Groups that touch are separate anyway.
+        let groups = Pattern::from_groups(Raster::PAPER, |x, _| if x < 20 { 1 } else { 2 });
+        assert_eq!(separate_electrodes(&groups), None);
+    }
 
     #[test]
     fn electrodes_below_a_unit_are_counted() {

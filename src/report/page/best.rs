@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use super::cards::{FOLDER, deformed, pattern, rest, simulated};
 use super::sweep::{VoltageSweep, moving};
-use crate::designs::{Design, OtherObjective, Place, Role, point_words, without_difference};
+use crate::designs::{Design, OtherObjective, Place, Role, point_words, separate_electrodes, without_difference};
 use crate::drawing::{DeformedMembrane, Sheet, exaggeration};
 use crate::format::{mm, percents, three};
 use deaflow_base::no_break_units;
@@ -314,6 +314,8 @@ pub(crate) fn facts(design: &Design, all: Option<&[Design]>) -> Vec<String> {
     facts.push(format!("electrode on {} of the membrane", percents(design.area)));
     let over = |gain: Option<String>, text: &str| Some(format!("{} over the intuitive design {text}", gain?));
     let [own, equal] = design.gain_texts();
+    let separate = separate_electrodes(&design.pattern);
+    facts.extend(separate.map(|n| format!("{n} separate electrodes, each needs a lead")));
     facts.extend(over(equal, "of the same area"));
     facts.extend(over(own, "at its own area"));
     facts.extend(design.compared.without_intuitive().map(str::to_owned));

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use crate::designs::{Design, Role, StateField, TargetMotion, role_title};
+use crate::designs::{Design, Role, StateField, TargetMotion, role_title, separate_electrodes};
 use crate::drawing::{Background, direction};
 use crate::format::{change, mm, mm_measured, percents, three};
 use deaflow_base::no_break_units;
@@ -209,6 +209,7 @@ fn rows(design: &Design) -> Markup {
             percents(design.area),
             format!("{} mm²", three(design.area_mm2())),
         )),
+        separate_electrodes(&design.pattern).map(|n| ("electrodes", n.to_string(), "separate".to_owned())),
         other("best by gradient search", compared.optimum, shows_optimum(design), None),
         other("intuitive, own area", compared.intuitive_own, found, gain_own),
         other(
