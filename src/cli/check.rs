@@ -9,9 +9,9 @@ use super::arguments::DrawingArguments;
 use super::pipeline::read_scene_with;
 use super::text::Text;
 use super::tone::{Tone, width_of_stdout};
-use super::{CliError, Exit, Output, table};
+use super::{CliError, Exit, Output, locate, table};
 use deaflow_field::Field;
-use deaflow_pattern::{Bits, DrawingFormat, DrawingOptions, Pattern, PictureFormat, form_of};
+use deaflow_pattern::{Bits, DrawingFormat, Pattern, PictureFormat, form_of};
 use deaflow_scene::Scene;
 use deaflow_stage::direct::{self, NamedPatterns};
 
@@ -53,8 +53,18 @@ pub fn execute(arguments: &CheckArguments, output: &Output) -> Result<Exit, CliE
         .as_deref()
         .map(|path| read_scene_with(path, &arguments.sets, output))
         .transpose()?;
-    let drawings = arguments.drawings.options();
-    let files = arguments.files.iter().map(|name| read(name, scene.as_ref(), &drawings));
+    if let (None, Some(file)) = (
+        &scene,
+        arguments.files.iter().find(|file| locate::is_pipeline(Path::new(file))),
+    ) {
+        return Err(CliError::bad_input(format!("{file} is not a pattern")).help(format!(
+            "a scene is given by --scene, as in: deaflow check PATTERN --scene {file}"
+        )));
+    }
+    let files = arguments
+        .files
+        .iter()
+        .map(|name| read(name, scene.as_ref(), &arguments.drawings));
     let files: Vec<CheckedFile> = files.collect::<Result<_, _>>()?;
     let document = || json!({ "files": files.iter().map(|file| file.document(scene.as_ref())).collect::<Vec<_>>() });
     output.result(document, || {
@@ -65,7 +75,7 @@ pub fn execute(arguments: &CheckArguments, output: &Output) -> Result<Exit, CliE
     Ok(Exit::Done)
 }
 
-fn read(name: &str, scene: Option<&Scene>, drawings: &DrawingOptions) -> Result<CheckedFile, CliError> {
+fn read(name: &str, scene: Option<&Scene>, drawings: &DrawingArguments) -> Result<CheckedFile, CliError> {
     if let Some(labels) = scene
         .and_then(|scene| direct::labels(name, scene).transpose())
         .transpose()?
@@ -81,7 +91,8 @@ fn read(name: &str, scene: Option<&Scene>, drawings: &DrawingOptions) -> Result<
         Some(scene) => scene.form(),
         None => form_of(name)?,
     };
-    let NamedPatterns { patterns, notes, .. } = direct::patterns(&[name.to_owned()], form, drawings)?;
+    let named = direct::patterns(&[name.to_owned()], form, &drawings.options())?;
+    let NamedPatterns { patterns, notes, .. } = drawings.with_hints(named);
     let own = format!("{name}: ");
     let notes = notes
         .iter()

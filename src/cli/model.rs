@@ -56,14 +56,16 @@ pub fn of_kind(reference: &str, store: &Path, kind: ArtifactKind, what: &str) ->
     )
 }
 
-/// Refuses a file of `deaflow solve` or `deaflow predict`, which is no artifact; as one it would be damaged.
-fn refuse_displacements(path: &Path, kind: ArtifactKind, what: &str) -> Result<(), CliError> {
-    if Artifact::is_at(path) {
-        return Ok(());
-    }
-    // What is no HDF5 file is left to the reader of artifacts.
+/// Whether a file is one of `deaflow solve` or `deaflow predict`, which is no artifact; as one it would be damaged. What
+/// is no HDF5 file is left to the reader of artifacts.
+pub fn is_displacements(path: &Path) -> bool {
     let has = |name| matches!(RowFile::open(path).and_then(|file| file.shape(name)), Ok(Some(_)));
-    match has("displacement") {
+    !Artifact::is_at(path) && has("displacement")
+}
+
+/// Refuses a file of displacements.
+fn refuse_displacements(path: &Path, kind: ArtifactKind, what: &str) -> Result<(), CliError> {
+    match is_displacements(path) {
         true => Err(
             CliError::bad_input(format!("{} is a file of displacements, not a {what}", path.display()))
                 .help(format!("name a stage of kind `{}`, or a file of it", kind.name())),

@@ -3,7 +3,7 @@
 mod sheet;
 mod voltage_sweep;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::json;
@@ -60,6 +60,7 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
         return Err(CliError::bad_input(format!("--{option} selects the design of --sheet"))
             .help("add --sheet FILE.html; the page of -o has all designs"));
     }
+    check_names(arguments)?;
     let store = locate::existing_store(&arguments.store.folder_of(&arguments.pipeline))?;
     let stages = plan(&pipeline, &store, arguments.until.as_deref(), &Environment::system())?;
     let mut history = PipelineHistory::of(&pipeline, &stages, &store)?;
@@ -121,6 +122,35 @@ pub fn execute(arguments: &ReportArguments, output: &Output) -> Result<Exit, Cli
             .chain(sheet.iter().map(|sheet| sheet.text()))
     };
     output.result(document, || texts().collect::<Vec<_>>().join("\n"))
+}
+
+/// Refuses names of other formats: the sheet is a web page, and the report a folder with one.
+fn check_names(arguments: &ReportArguments) -> Result<(), CliError> {
+    const OTHERS: [&str; 8] = ["pdf", "png", "svg", "jpg", "docx", "md", "txt", "zip"];
+    let ends_with = |path: &Path, extensions: &[&str]| {
+        let extension = path.extension().and_then(|extension| extension.to_str());
+        extension.is_some_and(|extension| extensions.iter().any(|other| extension.eq_ignore_ascii_case(other)))
+    };
+    let print = "open the page in a browser and print it to a PDF file";
+    if let Some(file) = &arguments.sheet
+        && ends_with(file, &OTHERS)
+    {
+        let message = format!(
+            "the sheet is a web page, and {} is the name of another format",
+            file.display()
+        );
+        let named = file.with_extension("html");
+        return Err(CliError::bad_input(message).help(format!("name it {}; {print}", named.display())));
+    }
+    if let Some(folder) = &arguments.output
+        && !folder.is_dir()
+        && (ends_with(folder, &OTHERS) || ends_with(folder, &["html", "htm"]))
+    {
+        let message = format!("the report is a folder, and {} is the name of a file", folder.display());
+        let named = folder.with_extension("");
+        return Err(CliError::bad_input(message).help(format!("use -o {}; {print}", named.display())));
+    }
+    Ok(())
 }
 
 fn made_by(stage: &StageRecord) -> Option<StageArtifact> {

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use deaflow_base::{Document, InputError, Override};
+use deaflow_base::{Document, InputError, Node, Override};
 use deaflow_content::named_patterns;
 use deaflow_dataset::import::{ImportError, ImportFile, Rows};
-use deaflow_orchestrator::{splice_scene, with_scene_file};
+use deaflow_orchestrator::{axes_in, splice_scene, with_scene_file};
 use deaflow_pattern::{DrawingOptions, Pattern, PatternForm};
 use deaflow_scene::{Scene, Tolerances, scene_files};
 
@@ -233,12 +233,30 @@ pub fn read_scene_with(path: &Path, changes: Changes<'_>) -> Result<ReadScene, I
             .help("name the file of the scene"));
     }
     let node = root.peek("scene").unwrap_or(&root);
+    check_has_no_axis(node)?;
     let scene = crate::scene::read(node)?;
     Ok(ReadScene {
         scene,
         tolerances: Tolerances::of_scene(node)?,
         bare_numbers: node.bare_numbers(),
     })
+}
+
+/// Refuses a scene with an axis of a sweep: it is a scene for each value.
+fn check_has_no_axis(scene: &Node) -> Result<(), InputError> {
+    let axes = axes_in(scene);
+    let Some(first) = axes.first() else {
+        return Ok(());
+    };
+    let names = axes.iter().map(|axis| format!("`${{{axis}}}`")).collect::<Vec<_>>();
+    Err(scene
+        .error(format!(
+            "the scene is not complete: the sweep of the pipeline sets {}",
+            names.join(", ")
+        ))
+        .help(format!(
+            "give the field with `${{{first}}}` one value by --set, or name a scene without axes"
+        )))
 }
 
 /// Reads a scene from text in YAML or JSON. It must not name files, because there is no folder that they are relative

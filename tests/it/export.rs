@@ -333,8 +333,19 @@ fn what_cannot_be_exported_is_refused_and_nothing_is_written() {
     workspace.write("high.yaml", &scene_file().replace("5.25 kV", "9 kV"));
     workspace.write("half.csv", &csv(|x, _| x < 25));
     let scene = ["--scene", "scene.yaml"];
+    let solved = workspace.run(&[
+        "solve",
+        "scene.yaml",
+        "half.csv",
+        "--elements-per-cell",
+        "1",
+        "-o",
+        "half.h5",
+    ]);
+    assert_eq!(solved.code, Some(0), "{solved}");
     let before = files(&workspace.path(""));
-    let cases: [(&[&str], Option<i32>, &str); 12] = [
+    let cases: [(&[&str], Option<i32>, &str); 13] = [
+        (&["half.h5", "-o", "x.svg"], Some(2), "half.h5:/patterns"),
         (&["hard.csv", "-o", "x.svg"], Some(2), "--scene"),
         (&["hard.csv", "-o", "x.txt"], Some(2), "--format"),
         (&["hard.csv", "-o", "x.svg", "--format", "dxf"], Some(2), "--format dxf"),

@@ -30,6 +30,26 @@ fn refuses(scene: &str, stages: &[&str], line: usize, message: &str) {
     assert!(refused.contains(&format!("p.yaml:{line}:")), "{message}\n{refused}");
 }
 
+#[test]
+fn a_scene_that_a_sweep_completes_is_refused_with_its_axis() {
+    let workspace = workspace(SCENE, &["one: { kind: sample, family: small-grid, count: 2, seed: 1 }"]);
+    let material = SCENE.lines().nth(1).unwrap();
+    let scene = SCENE.replace(material, "material: { from: \"${m}.yaml\" }");
+    assert_ne!(scene, SCENE);
+    workspace.write("swept-scene.yaml", &scene);
+    workspace.write(
+        "swept.yaml",
+        "version: 1\nname: p\nscene: swept-scene.yaml\nstages:\n  one: { kind: sample, family: small-grid, \
+         foreach: { m: [a, b] }, count: 2, seed: 1 }\n",
+    );
+    workspace.write("mine.csv", &"1,0\n".repeat(2));
+    let refused = workspace.refused(&["solve", "swept.yaml", "mine.csv"]);
+    assert!(refused.contains("the sweep of the pipeline sets `${m}`"), "{refused}");
+    // A scene is no pattern.
+    let refused = workspace.refused(&["check", "scene.yaml", "mine.csv"]);
+    assert!(refused.contains("--scene scene.yaml"), "{refused}");
+}
+
 const SAMPLES: &str = "samples: { kind: sample, family: small-grid, count: 20, seed: 1 }";
 const SOLVED: &str = "solved: { kind: solve, needs: [samples], elements_per_cell: 2 }";
 const MODEL: &str = "model: { kind: train, needs: [solved], network: qin2024, epochs: 1, seed: 1 }";

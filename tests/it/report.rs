@@ -387,6 +387,18 @@ fn what_is_not_built_is_named_and_left_out_only_where_that_is_asked_for() {
         ended.stderr
     );
 
+    // The report is a folder and the sheet a page; both are printed to PDF by a browser.
+    for (arguments, named) in [
+        (["-o", "out.pdf"], "use -o out; "),
+        (["--sheet", "sheet.pdf"], "name it sheet.html; "),
+    ] {
+        let refused = workspace.refused(&[&["report", "small.yaml", "--partial"], &arguments[..]].concat());
+        assert!(
+            refused.contains(named) && refused.contains("print it to a PDF"),
+            "{refused}"
+        );
+    }
+
     workspace.write("taken", "a file");
     let ended = workspace.run(&["report", "small.yaml", "-o", "taken/out", "--partial"]);
     assert_eq!(ended.code, Some(1));

@@ -14,6 +14,7 @@ use crate::arguments::{
     DesignArguments, DrawingArguments, StateArguments, StoreArguments, TOLERANCE, has_hdf5_extension, integer, number,
 };
 use crate::job::extend;
+use crate::model::is_displacements;
 use crate::pipeline::read_scene_with;
 use crate::{CliError, Exit, Output, locate, write};
 use deaflow_base::four_digits;
@@ -265,7 +266,10 @@ fn design(arguments: &ExportDesignArguments, output: &Output) -> Result<(Design,
         .is_some_and(|(file, _)| has_patterns(Path::new(file)));
     let mut found_in = None;
     let artifact = match is_hdf5 {
-        true if path.is_file() => Artifact::open(path)?,
+        true if path.is_file() => {
+            refuse_results(path)?;
+            Artifact::open(path)?
+        }
         _ if is_dataset || (has_patterns(path) && !is_hdf5) => {
             return Err(
                 CliError::bad_input(format!("{source} is a pattern and needs a scene")).help("add --scene SCENE.yaml")
@@ -283,6 +287,21 @@ fn design(arguments: &ExportDesignArguments, output: &Output) -> Result<(Design,
             .help("name a stage of kind design or verify; a pattern needs --scene")
     })?;
     Ok((designs.choose(&arguments.which.filter())?, found_in))
+}
+
+/// Refuses a file of `deaflow solve` or `deaflow predict`, which is no artifact; as one it would be damaged.
+fn refuse_results(path: &Path) -> Result<(), CliError> {
+    match is_displacements(path) {
+        true => Err(CliError::bad_input(format!(
+            "{0} is an output of `solve` or `predict`, not of a design stage",
+            path.display()
+        ))
+        .help(format!(
+            "export a pattern of it with its scene: deaflow export design {}:/patterns --scene SCENE.yaml",
+            path.display()
+        ))),
+        false => Ok(()),
+    }
 }
 
 /// Returns the design, or one group of its electrodes.
