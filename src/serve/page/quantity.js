@@ -38,6 +38,15 @@ export function inBaseUnit(text) {
 export const HINTS = { voltage: "in V, or with a unit: 4 kV", length: "in mm, or with a unit: 250 um", angle: "in degrees" };
 
 /**
+ * Says how a number without a unit is read, as the command line does; empty for zero and with a unit.
+ * @param {string} text @param {"voltage"|"length"|"angle"} dimension
+ */
+export function withAssumedUnit(text, dimension) {
+  const bare = /^[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?$/.test(text.trim());
+  return bare && Number(text) !== 0 ? `no unit: read as ${text.trim()} ${Object.keys(UNITS[dimension])[0]}` : "";
+}
+
+/**
  * Parses a quantity; `wrong` describes an invalid text.
  * @param {string} text @param {"voltage"|"length"|"angle"} dimension @param {number} least @param {number} most
  * @returns {{value: number, wrong: string}}

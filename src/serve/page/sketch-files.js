@@ -86,7 +86,7 @@ export class Files {
       : null;
     replace(
       this.stages,
-      h("p", { class: "small" }, `Save ${name}.csv beside a pipeline with the scene ${this.pad.scene.name}, and add these stages, which have the state, method and mesh shown here. The run prints the largest displacement; the command below the numbers prints that of the point.`),
+      h("p", { class: "small" }, `Save ${name}.csv beside a pipeline with the scene ${this.pad.scene.name}${found.saved ? ", as the one below," : ""} and add these stages, which have the state, method and mesh shown here. The run prints the largest displacement; the command below the numbers prints that of the point.`),
       copyable(this.named(found.stages)),
       others,
       h("details", {}, h("summary", {}, "A complete pipeline with this scene"), copyable(this.named(found.pipeline))),

@@ -97,7 +97,7 @@ export class Numbers {
   reproduce(found, named) {
     this.reproduced = found && { ...found, command: named(found.command) };
     if (!found) return;
-    replace(this.command, h("p", { class: "small soft" }, "This command prints the same displacements with all digits; save the pattern as csv under Files, in the folder of the terminal:"), copyable(this.reproduced.command));
+    replace(this.command, h("p", { class: "small soft" }, `This command prints the same displacements with all digits; save the pattern as csv under Files${found.saved ? `, and the complete pipeline with this scene beside it as ${named(found.saved)}` : ""}, in the folder of the terminal:`), copyable(this.reproduced.command));
   }
 
   /** Shows the numbers of a state of a sweep in place of those of the drawing. @param {{voltage: number, largest: number, value: number|null, breakdown: number|null}} state @param {boolean} isAssumed whether the breakdown field is not that of the scene */

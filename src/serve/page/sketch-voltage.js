@@ -1,7 +1,7 @@
 // The voltage of the sketchpad: a slider whose part above the critical voltage is red, a field, and what the limit is.
 
 import { h, number, numeric, rangeEnds } from "./elements.js";
-import { HINTS, quantity } from "./quantity.js";
+import { HINTS, quantity, withAssumedUnit } from "./quantity.js";
 
 /** The highest voltage, V. */
 const MOST_VOLTS = 1e6;
@@ -41,12 +41,16 @@ export class Voltage {
     this.range = h("input", { type: "range", min: "0", max: String(pad.mostVoltage()), step: "10", value: String(pad.voltage), id: "voltage", "aria-label": "Voltage", list: "critical" });
     this.field = numeric(volts(pad.voltage), `Voltage, ${HINTS.voltage}`, { id: "volts", title: HINTS.voltage });
     this.error = h("span", { class: "error", id: "voltage-trouble", role: "alert" });
+    this.unit = h("span", { class: "soft", id: "voltage-unit", role: "status" });
     this.mark = h("option", {});
     this.zone = h("span", { class: "zone", id: "unstable-zone", hidden: true });
     this.text = h("span", { class: "soft", id: "critical-voltage" });
     this.go = h("button", { type: "button", id: "to-limit", hidden: true, onclick: () => this.limit !== null && this.set(below(this.limit)) });
     this.range.addEventListener("input", () => this.read(this.range.value));
-    this.field.addEventListener("input", () => this.read(this.field.value));
+    this.field.addEventListener("input", () => {
+      this.read(this.field.value);
+      this.unit.textContent = this.field.hasAttribute("aria-invalid") ? "" : withAssumedUnit(this.field.value, "voltage");
+    });
     this.field.addEventListener("blur", () => !this.field.hasAttribute("aria-invalid") && this.show());
     return h(
       "span",
@@ -57,6 +61,7 @@ export class Voltage {
       more,
       h("datalist", { id: "critical" }, this.mark),
       this.error,
+      this.unit,
       this.text,
       this.go,
     );
@@ -74,6 +79,7 @@ export class Voltage {
     const { pad } = this;
     pad.voltage = value;
     if (this.range) pad.showInvalid("voltage", this.field, this.error, "");
+    if (this.range) this.unit.textContent = "";
     this.show();
     pad.changed(false);
   }

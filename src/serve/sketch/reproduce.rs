@@ -16,9 +16,6 @@ use deaflow_scene::Scene;
 /// The default name of a pattern.
 const DEFAULT_NAME: &str = "mine";
 
-/// The name of the file of a scene that has none.
-const SCENE_FILE: &str = "scene.yaml";
-
 /// The longest name of a pattern.
 const MAX_NAME: usize = 64;
 
@@ -49,8 +46,15 @@ pub fn reproduce(state: &ServerState, request: &Request) -> Result<Response, Api
         let options: String = set.iter().map(|set| format!(" --set {}", quoted(set))).collect();
         format!("deaflow run {} --until {name}-solved{options}", near(file))
     });
+    // A scene without a file, as of the gallery, is that of the complete pipeline, as it is shown.
+    let saved = file.is_none().then(|| format!("{name}.yaml"));
+    let command = match &file {
+        Some(file) => command(&drawn, &setup, (file, name), in_state.as_deref(), &set)?,
+        None => command(&drawn, &setup, (Path::new(&format!("{name}.yaml")), name), None, &[])?,
+    };
     Ok(json!({
-        "command": command(&drawn, &setup, (file.as_deref(), name), in_state.as_deref(), &set)?,
+        "command": command,
+        "saved": saved,
         "set": set,
         "stages": stages(&setup, name, in_state.as_deref()),
         "run": run,
@@ -131,11 +135,11 @@ fn sections(scene: &Scene) -> [Option<Canonical>; 2] {
 fn command(
     drawn: &SketchRequest,
     setup: &SimulationSetup,
-    (file, name): (Option<&Path>, &str),
+    (file, name): (&Path, &str),
     state: Option<&str>,
     set: &[String],
 ) -> Result<String, ApiError> {
-    let scene = file.map_or_else(|| SCENE_FILE.to_owned(), near);
+    let scene = near(file);
     let mut words = vec![format!("deaflow solve {scene} {name}.csv")];
     words.extend(state.map(|state| format!("--state {}", quoted(state))));
     let set = set.iter().filter_map(|set| set.strip_prefix("scene."));

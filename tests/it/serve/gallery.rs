@@ -141,6 +141,12 @@ fn the_sketchpad_opens_with_a_pattern_that_moves_and_has_a_gallery() {
     tab.click("[data-gallery=disc]");
     tab.until(SETTLED);
     assert!(tab.number("#max-displacement") > 0.1);
+    // The command names the pipeline that the page has, and a voltage without a unit is in V.
+    tab.until("document.querySelector('#command')?.textContent.includes('deaflow solve mine.yaml mine.csv')");
+    tab.write("#volts", "6");
+    tab.until("document.querySelector('#voltage-unit').textContent === 'no unit: read as 6 V'");
+    tab.write("#volts", "5 kV");
+    tab.until("document.querySelector('#voltage-unit').textContent === ''");
     tab.click("#own-scene");
     tab.until("!document.querySelector('#own-scene')");
     assert_eq!(tab.complaints, Vec::<String>::new());

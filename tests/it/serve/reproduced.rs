@@ -140,6 +140,28 @@ fn what_is_shown_comes_out_of_the_command_and_of_the_stages_that_are_told() {
             assert!((found - own).abs() < 1e-6, "{command}: {own} and {found}");
         }
     }
+    // A scene of the gallery has no file: it is that of the complete pipeline, which the command names.
+    let ring = rows(|x, y| {
+        let from = |at: usize| (at as f64 - 24.5).powi(2);
+        (100.0..260.0).contains(&(from(x) + from(y)))
+    });
+    let mut body = json!({ "scene": "lens (example)", "pattern": ring, "voltage": 4000, "elements_per_cell": 1 });
+    body["quick"] = json!(true);
+    let shown = server.post("/api/sketch", &body).json();
+    body["name"] = json!("lens");
+    let told = server.post("/api/sketch/reproduce", &body).json();
+    assert_eq!(told["saved"], "lens.yaml", "{told}");
+    let lines = ring.as_array().unwrap().iter().map(|row| row.to_string());
+    let lines: Vec<String> = lines.map(|row| row.trim_matches(['[', ']']).to_owned()).collect();
+    workspace.write("lens.csv", &(lines.join("\n") + "\n"));
+    workspace.write("lens.yaml", told["pipeline"].as_str().unwrap());
+    let printed = run(&workspace, told["command"].as_str().unwrap(), &[]);
+    assert_eq!(printed.code, Some(0), "{told}: {}", printed.stderr);
+    let (found, own) = (
+        printed.json()["patterns"][0]["max_displacement_mm"].as_f64().unwrap(),
+        shown["max_displacement"].as_f64().unwrap(),
+    );
+    assert!((found - own).abs() < 1e-6, "{told}: {own} and {found}");
     let wrong = json!({ "scene": "plain", "pattern": rows(disc), "name": "../mine" });
     assert_eq!(server.post("/api/sketch/reproduce", &wrong).status, 400);
     // Of each state the voltage of each group.
