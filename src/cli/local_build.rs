@@ -297,6 +297,12 @@ impl Build<'_> {
     /// Adds where figures and artifacts are, and what may follow.
     fn add_next(&self, text: &mut Text, results: &RunResults, store: &Path, pull: Option<String>) {
         summary::add_places(text, results, store, self.verbosity.verbose);
+        let lock = LockFile::path_for(&self.pipeline.path);
+        match self.lock {
+            LockMode::Ignore => {}
+            LockMode::Write => drop(text.line(format!("lock file: {}", lock.display()))),
+            LockMode::Check => drop(text.line(format!("all results are those of {}", lock.display()))),
+        }
         // The pipeline in the file does not have the stages of a sweep.
         if self.command == Command::Run {
             let report = || format!("deaflow report {} -o report", self.of.shell_words());

@@ -25,11 +25,15 @@ fn a_lock_file_holds_a_pipeline_wherever_it_is_run() {
         "{}",
         missing.stderr
     );
-    assert_eq!(workspace.run(&["run", "short.yaml", "--lock"]).code, Some(0));
+    let written = workspace.run(&["run", "short.yaml", "--lock"]);
+    assert_eq!(written.code, Some(0), "{written}");
+    assert!(written.stdout.contains("lock file: short.yaml.lock"), "{written}");
     let text = std::fs::read_to_string(workspace.path("short.yaml.lock")).unwrap();
     // In another store, from nothing.
     let elsewhere = workspace.run(&["run", "short.yaml", "--locked", "--store", "other"]);
     assert_eq!(elsewhere.code, Some(0), "{}", elsewhere.stderr);
+    let agreed = "all results are those of short.yaml.lock";
+    assert!(elsewhere.stdout.contains(agreed), "{elsewhere}");
     // A tweak is told before anything is built.
     let tweaked = workspace.run(&["run", "short.yaml", "--locked", "--set", "stages.small.seed=9"]);
     assert_eq!(tweaked.code, Some(6));
