@@ -385,7 +385,7 @@ impl Controlled {
                 _ => None,
             };
             Some(Limit {
-                name: limit.kind.name().to_owned(),
+                name: spoken(limit.kind.name()).to_owned(),
                 along: critical.map_or_else(|| self.along(at), |critical| 1e-3 * critical.voltage),
                 error: critical.and_then(|critical| Some(1e-3 * critical.error?)),
                 across: self.across(at),
