@@ -109,6 +109,7 @@ pub fn execute(arguments: &FitArguments, output: &Output) -> Result<Exit, CliErr
     let (Some(sets), mut warnings) = (fitted.changes(&scene), fitted.warnings()) else {
         return Err(CliError::bad_input("no law fits the curves").help(fitted.verdicts().join("; ")));
     };
+    warnings.extend(fitted.doubt_at_prestretch(&scene));
     let changes = direct::Changes {
         sets: &sets,
         voltage: None,

@@ -210,6 +210,26 @@ impl Law {
         Some((factor * (w.first + second * w.second), gradient))
     }
 
+    /// Returns the nominal stresses in Pa along two directions at their stretches; `None` beyond the limit of
+    /// extensibility. With λ₃ = 1/λ₁λ₂ free of stress, P₁ = 2(λ₁ − λ₃²/λ₁)(ψ₁ + λ₂²ψ₂), or Σ 2g(λ₁^α − λ₃^α)/(αλ₁) of
+    /// Ogden's law.
+    #[must_use]
+    pub fn nominal_stresses(&self, stretches: [f64; 2]) -> Option<[f64; 2]> {
+        let [a, b] = stretches;
+        let third = 1.0 / (a * b);
+        if let Self::Ogden(terms) = self {
+            let along = |stretch: f64| {
+                let logarithms = [stretch.ln(), third.ln()];
+                let term = |term: &OgdenTerm| term.shear_modulus * power_difference(logarithms, term.alpha)[0];
+                terms.iter().map(term).sum::<f64>() * 2.0 / stretch
+            };
+            return Some([along(a), along(b)]);
+        }
+        let w = self.invariants(a * a + b * b + third * third)?;
+        let along = |own: f64, other: f64| 2.0 * (own - third * third / own) * (w.first + other * other * w.second);
+        Some([along(a, b), along(b, a)])
+    }
+
     /// Returns the derivative of the nominal stress with respect to the stretch in Pa; `None` beyond the limit of
     /// extensibility. From nλP = ∂W/∂l with l = ln λ and n loaded directions.
     #[must_use]
@@ -404,6 +424,18 @@ mod tests {
                 assert!(
                     (stress / known - 1.0).abs() < 6e-10,
                     "{law:?} {test:?}: {stress}, not {known}"
+                );
+            }
+        }
+        // The same by stretches along both directions: one of a uniaxial or pure shear test has none across it.
+        for law in &laws() {
+            for (test, stretch) in at {
+                let [_, across, _] = test.squared_stretches(stretch).map(f64::sqrt);
+                let [along, _] = law.nominal_stresses([stretch, across]).unwrap();
+                let known = law.nominal_stress(test, stretch).unwrap();
+                assert!(
+                    (along / known - 1.0).abs() < 1e-12,
+                    "{law:?} {test:?}: {along}, not {known}"
                 );
             }
         }

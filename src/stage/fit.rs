@@ -275,9 +275,9 @@ impl Stage for FitStage {
     }
 
     fn revision(&self) -> u32 {
-        // Earlier versions also chose laws with undetermined parameters.
+        // 1: laws with undetermined parameters are not chosen; 2: nor those with more parameters and about the same AICc.
         let compares_laws = self.parameters.laws.as_ref().is_none_or(|laws| laws.len() > 1);
-        u32::from(self.parameters.free.is_none() && compares_laws)
+        2 * u32::from(self.parameters.free.is_none() && compares_laws)
     }
 
     fn unit(&self) -> &'static str {
@@ -338,7 +338,9 @@ impl FitStage {
         let laws: Vec<LawKind> = names.filter_map(LawName::kind).collect();
         let measured = tables.iter().filter_map(MeasuredTable::of_specimen).collect();
         let fit = SpecimenFit::new(measured, &self.scene, &laws, self.parameters.branches as usize)?;
-        fit.warnings().iter().for_each(|warning| job.progress.note(warning));
+        let doubt = fit.doubt_at_prestretch(&self.scene);
+        let warnings = fit.warnings().into_iter().chain(doubt);
+        warnings.for_each(|warning| job.progress.note(&warning));
         if let (Some(law), Some(reason)) = (fit.chosen_law(), fit.reason()) {
             let name = name_of_law(law.law.kind());
             job.progress.note(&format!("{name} is chosen: {reason}"));

@@ -589,3 +589,52 @@ fn a_law_with_undetermined_parameters_gives_way_to_one_that_is_almost_as_good() 
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     assert!(ended.stdout.contains("law: arruda-boyce: "), "{}", ended.stdout);
 }
+
+/// Stresses of Gent's law (30 kPa, jm 60) with noise of 2 %: one test up to a stretch of 4.
+const TENSILE: &str = "\
+strain_%,nominal_stress_kPa
+10.0,8.38
+30.7,21.19
+51.4,32.82
+72.1,42.07
+92.9,51.06
+113.6,59.86
+134.3,67.26
+155.0,77.24
+175.7,85.69
+196.4,99.02
+217.1,105.94
+237.9,115.76
+258.6,126.98
+279.3,138.44
+300.0,150.81
+";
+
+#[test]
+fn of_laws_that_fit_equally_well_that_with_the_fewest_parameters_is_chosen() {
+    let workspace = with_data();
+    workspace.write("tensile.csv", TENSILE);
+    let found = fitted(&workspace, &["uniaxial=tensile.csv", "--sigma", "1 %"]);
+    assert_eq!(found["laws"][0]["law"], "ogden:2");
+    assert_eq!(found["chosen"], "gent");
+    assert_eq!(
+        found["reason"],
+        "AICc of ogden:2 is less by 0.3723, and gent has fewer parameters"
+    );
+    let jm = &found["laws"][1]["parameters"][1]["interval"];
+    assert!(number(&jm[0]) < 60.0 && 60.0 < number(&jm[1]), "{jm}");
+    // At the equibiaxial prestretch of 3 of the scene: 2g (3^α − 3^−2α)/3α by hand for the first term of Ogden's law.
+    let doubt = |found: &Value| {
+        let warnings = found["warnings"].as_array().unwrap().iter();
+        let mut texts = warnings.filter_map(Value::as_str);
+        texts
+            .find(|text| text.contains("differ by a factor"))
+            .map(str::to_owned)
+    };
+    let warning = doubt(&found).unwrap_or_else(|| panic!("{found}"));
+    assert!(
+        warning.contains("3.000 × 3.000: yeoh 118.3 kPa, ogden:2 4.882e6 kPa"),
+        "{warning}"
+    );
+    assert_eq!(doubt(&fitted(&workspace, &TRELOAR)), None);
+}

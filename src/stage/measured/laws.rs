@@ -6,7 +6,7 @@ use super::described::outlier;
 use super::device::viscous_law;
 use super::joint::rounded;
 use crate::scene;
-use deaflow_base::{Document, InputError, Override, four_significant};
+use deaflow_base::{Dimension, Document, InputError, Override, four_significant};
 use deaflow_content::Quantities;
 use deaflow_fit::{
     Candidate, Curve, Elastomer, Estimate, Fit, FitError, HistoryCurve, Law, LawKind, Options, Outlier, RelaxationFit,
@@ -33,6 +33,12 @@ pub const MOST_BRANCHES: u64 = 6;
 /// The difference of AICc from which on curves clearly decide between two laws (Burnham and Anderson, Model Selection
 /// and Multimodel Inference, 2nd edition, section 2.6).
 const CLEAR: f64 = 10.0;
+
+/// The difference of AICc up to which curves do not distinguish two laws (the same).
+const EQUAL: f64 = 2.0;
+
+/// The ratio of the stresses of laws at the prestretch of a scene from which on a fit warns.
+const DIFFERENT: f64 = 1.2;
 
 /// The value of an override that removes a key.
 const NONE: &str = "null";
@@ -68,6 +74,11 @@ pub fn name_of_law(kind: LawKind) -> String {
 /// Returns by how much AICc of a fit is above that of another one.
 fn above(fit: &Fit, other: &Fit) -> f64 {
     fit.estimate.information.aicc - other.estimate.information.aicc
+}
+
+/// Returns the number of parameters of a law.
+fn parameters_of(fit: &&Fit) -> usize {
+    fit.law.kind().parameters().len()
 }
 
 /// A fit to tests of specimens.
@@ -134,25 +145,60 @@ impl SpecimenFit {
     }
 
     /// Returns the best law that is stable and has parameters of its own, if any. One with parameters that the curves
-    /// do not determine gives way to the best one without such, if the curves do not clearly decide between both.
+    /// do not determine gives way to the best one without such, if the curves do not clearly decide between both. Of
+    /// the laws that the curves do not distinguish from it, that with the fewest parameters is chosen: more of them
+    /// follow the noise, and are wrong at other deformations.
     #[must_use]
     pub fn chosen_law(&self) -> Option<&Fit> {
         let best = self.usable_laws().next()?;
         let is_near = |fit: &&Fit| above(fit, best) < CLEAR;
-        let determined = |fit: &&Fit| fit.verdict == Verdict::Determined;
-        self.usable_laws().take_while(is_near).find(determined).or(Some(best))
+        let is_determined = |fit: &&Fit| fit.verdict == Verdict::Determined;
+        let Some(first) = self.usable_laws().take_while(is_near).find(is_determined) else {
+            return Some(best);
+        };
+        let equal = self.usable_laws().filter(|fit| above(fit, first) <= EQUAL);
+        equal.filter(is_determined).min_by_key(parameters_of)
     }
 
-    /// Says why a law was chosen although another one has a smaller AICc, if that has undetermined parameters.
+    /// Says why a law was chosen although another one has a smaller AICc: that has undetermined parameters, or more of
+    /// them.
     #[must_use]
     pub fn reason(&self) -> Option<String> {
         let (chosen, best) = (self.chosen_law()?, self.usable_laws().next()?);
-        (chosen.law.kind() != best.law.kind()).then(|| {
+        let name = |fit: &Fit| name_of_law(fit.law.kind());
+        let why = match best.verdict == Verdict::Determined {
+            true => format!("and {} has fewer parameters", name(chosen)),
+            false => format!("but {}", best.verdict),
+        };
+        let less = || four_significant(above(chosen, best));
+        (chosen.law.kind() != best.law.kind()).then(|| format!("AICc of {} is less by {}, {why}", name(best), less()))
+    }
+
+    /// Warns that laws between which the curves do not clearly decide have other stresses at the prestretch of a scene:
+    /// curves of one test do not determine those of another.
+    #[must_use]
+    pub fn doubt_at_prestretch(&self, scene: &Scene) -> Option<String> {
+        let chosen = self.chosen_law()?;
+        let prestretch = scene.prestretch();
+        let stress = |fit: &Fit| {
+            let [along, across] = fit.law.nominal_stresses(prestretch)?;
+            Some((fit.law.kind(), along.max(across)))
+        };
+        let is_near = |fit: &&Fit| above(fit, chosen) < CLEAR;
+        let near = self.usable_laws().filter(is_near).filter_map(stress);
+        let near: Vec<(LawKind, f64)> = near.filter(|(_, stress)| *stress > 0.0).collect();
+        let (low, least) = *near.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
+        let (high, most) = *near.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let factor = most / least;
+        (factor > DIFFERENT).then(|| {
+            let of = |kind, stress| format!("{} {}", name_of_law(kind), Dimension::Stress.with_unit(stress));
+            let [along, across] = prestretch.map(four_significant);
             format!(
-                "AICc of {} is less by {}, but {}",
-                name_of_law(best.law.kind()),
-                four_significant(above(chosen, best)),
-                best.verdict
+                "laws that fit about equally well differ by a factor of {} in the nominal stress at the prestretch of \
+                 the scene, {along} × {across}: {}, {}; measure equibiaxial or pure shear tests up to this stretch, too",
+                four_significant(factor),
+                of(low, least),
+                of(high, most)
             )
         })
     }
