@@ -132,9 +132,14 @@ pub fn screen(scene: Scene, patterns: Option<Vec<TestPattern>>, limit: WorkLimit
 /// Reads the patterns of each argument, and names them after it.
 fn named(arguments: &[String], form: PatternForm, output: &Output) -> Result<Vec<TestPattern>, InputError> {
     let direct::NamedPatterns {
-        patterns, names, notes, ..
+        patterns,
+        names,
+        notes,
+        drawings,
     } = direct::patterns(arguments, form, &DrawingOptions::default())?;
     notes.iter().for_each(|note| output.warn(note));
-    let named = names.iter().zip(patterns);
-    Ok(named.map(|(name, pattern)| TestPattern::new(name, pattern)).collect())
+    let named = names.iter().zip(patterns).zip(drawings);
+    Ok(named
+        .map(|((name, pattern), drawing)| TestPattern::new(name, pattern).drawn(drawing))
+        .collect())
 }

@@ -10,7 +10,7 @@ use super::continuation::{FIRST_STEP, LoadRange, LoadingEnd};
 use super::critical::{CriticalVoltage, MeshLimit};
 use super::effects::{Model, StableRange, WithMaterial};
 use super::error::SetupError;
-use super::geometry::GeometryError;
+use super::geometry::{GeometryError, without_effects_of_cells};
 use super::krylov;
 use super::material::Material;
 use super::newton::{Workspace, probe};
@@ -152,13 +152,19 @@ impl CriticalSearch {
     /// a guess.
     #[must_use]
     pub fn from(&self, pattern: &Pattern, mesh: Mesh, voltage: f64) -> CriticalVoltage {
+        self.from_drawn([pattern; 2], mesh, voltage)
+    }
+
+    /// Like [`CriticalSearch::from`], for a pattern on cells and as drawn: the error has that of the cells.
+    #[must_use]
+    pub fn from_drawn(&self, [pattern, drawing]: [&Pattern; 2], mesh: Mesh, voltage: f64) -> CriticalVoltage {
         let found = match mesh == self.coarse.mesh() {
             true => self.refine(pattern, voltage),
             false => self
                 .near(pattern, voltage)
                 .unwrap_or_else(|| CriticalVoltage::new(MeshLimit { mesh, voltage }, None)),
         };
-        self.with_geometry(pattern, found)
+        self.with_geometry([pattern, drawing], found)
     }
 
     /// Returns whether a pattern is stable at the voltage of the scene on any mesh: the voltage is below the
@@ -180,32 +186,44 @@ impl CriticalSearch {
             StabilityCheck::OnBoth(found) => Some(found),
             StabilityCheck::Unknown => None,
         };
-        Some(found.map(|found| self.with_geometry(pattern, found)))
+        Some(found.map(|found| self.with_geometry([pattern; 2], found)))
     }
 
     /// Adds the error of geometry, if elements follow cells in place of shapes: the difference of critical voltages on
     /// one mesh. Without one on the shapes, the error is unknown.
-    fn with_geometry(&self, pattern: &Pattern, found: CriticalVoltage) -> CriticalVoltage {
+    pub(super) fn with_geometry(&self, [pattern, drawing]: [&Pattern; 2], found: CriticalVoltage) -> CriticalVoltage {
         let own = &self.coarse.scene;
-        let Some([on_cells, on_shapes]) = GeometryError::scenes(own) else {
-            return found;
+        let is_drawn = drawing.electrodes() != pattern.electrodes();
+        let [on_cells, on_shapes] = match (GeometryError::scenes(own), is_drawn) {
+            (Some(scenes), _) => scenes,
+            (None, true) => [own, own].map(without_effects_of_cells),
+            (None, false) => return found,
         };
         let MeshLimit { mesh, voltage } = found.coarse;
-        let limit = |scene: &Scene| {
+        let limit = |scene: &Scene, pattern: &Pattern| {
             let options = SolveOptions {
                 mesh,
                 tolerance: self.coarse.tolerance,
             };
-            let solver = MembraneSolver::new(scene, options).ok()?;
+            let solver = MembraneSolver::new(&scene.with_electrodes_of(pattern), options).ok()?;
             let solver = solver.within_iterations(self.coarse.limit);
             Some(solver.limit_between(pattern, search_range(voltage))?.voltage)
         };
         let on_cells = match on_cells.effects.fringe_field == own.effects.fringe_field {
             true => Some(voltage),
-            false => limit(&on_cells),
+            false => limit(&on_cells, pattern),
         };
-        let both = on_cells.zip(limit(&on_shapes));
-        found.with_error(both.map(|(on_cells, on_shapes)| GeometryError::between(on_cells, on_shapes)))
+        let both = on_cells.zip(limit(&on_shapes, drawing));
+        let on_one_mesh = both.map(|(on_cells, on_shapes)| GeometryError::between(on_cells, on_shapes));
+        // Elements on cells resolve the steps of a drawn edge, which lower the limit, as long as they are refined: the
+        // estimate from two meshes may be farther from the shapes than either mesh.
+        let from_estimate = both
+            .zip(found.error)
+            .filter(|_| is_drawn)
+            .map(|((on_cells, on_shapes), error)| {
+                GeometryError::between(found.voltage, voltage + on_shapes - on_cells) - error
+            });
+        found.with_error(on_one_mesh.map(|error| error.max(from_estimate.unwrap_or(0.0))))
     }
 
     fn check(&self, pattern: &Pattern, order: CoarseLimit) -> StabilityCheck {

@@ -488,6 +488,7 @@ fn analysed<'py>(
         analysis.run(&Computation {
             scene: &of.get().device,
             patterns: &patterns,
+            drawings: &[],
             parameters: &parameters,
             progress: &Unseen,
         })

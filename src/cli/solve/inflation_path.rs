@@ -77,7 +77,7 @@ impl InflatedPaths {
         let (scene, left_out) = resolved(computation.scene)?;
         let solvers = PatternSolver::new(&scene, |scene| InflationPathSolver::new(scene, options, parameter))
             .map_err(|error| refused(error, &scene))?;
-        let paths = computation.run_at_once(|pattern| {
+        let paths = computation.run_at_once(|[pattern, _]| {
             let path = solvers.with(pattern, |solver: &InflationPathSolver| solver.path(pattern))?;
             path.map_err(|reason| no_path(reason, parameter))
         })?;

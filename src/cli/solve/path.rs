@@ -123,14 +123,15 @@ impl Paths {
         };
         let at_point = probe.map(|probe| move |field: &Field| probe.of(field));
         let observe = at_point.as_ref().map(|at_point| at_point as Observe<'_>);
-        let paths = computation.run_at_once(|pattern| {
+        let paths = computation.run_at_once(|[pattern, drawing]| {
             let (path, critical) = solvers.with(pattern, |(solver, search)| {
                 let path = solver
                     .observed_path(pattern, observe)
                     .map_err(|reason| no_path(reason, parameter));
                 let limit = path.as_ref().ok().and_then(LoadPath::limit);
                 let limit = limit.filter(|_| parameter == PathParameter::Voltage);
-                let critical = limit.map(|limit| search.from(pattern, solver.solver().mesh(), limit.voltage));
+                let both = [pattern, drawing];
+                let critical = limit.map(|limit| search.from_drawn(both, solver.solver().mesh(), limit.voltage));
                 (path, critical)
             })?;
             Ok(PatternPath { path: path?, critical })

@@ -128,6 +128,8 @@ pub struct Computation<'a> {
     pub scene: &'a Scene,
     /// The patterns.
     pub patterns: &'a [Pattern],
+    /// The patterns as drawn, where cells stand for shapes; without them the patterns are the drawings.
+    pub drawings: &'a [Pattern],
     /// Method, mesh or accuracy, tolerance and limit of work.
     pub parameters: &'a SolverParameters,
     /// Is told about each finished pattern.
@@ -186,21 +188,21 @@ impl Computation<'_> {
         Ok(())
     }
 
-    /// Simulates all patterns at once, where some take much longer than others.
+    /// Simulates all patterns at once, where some take much longer than others: each on cells and as drawn.
     ///
     /// # Errors
     /// When a pattern cannot be simulated, or after an interrupt.
     pub fn run_at_once<T: Send>(
         &self,
-        simulate: impl Fn(&Pattern) -> Result<T, CliError> + Sync,
+        simulate: impl Fn([&Pattern; 2]) -> Result<T, CliError> + Sync,
     ) -> Result<Vec<T>, CliError> {
-        let simulated = |pattern: &Pattern| {
+        let simulated = |(at, pattern): (usize, &Pattern)| {
             CliError::if_interrupted()?;
-            let found = simulate(pattern)?;
+            let found = simulate([pattern, self.drawings.get(at).unwrap_or(pattern)])?;
             self.progress.advance(1);
             Ok(found)
         };
-        self.patterns.par_iter().map(simulated).collect()
+        self.patterns.par_iter().enumerate().map(simulated).collect()
     }
 
     /// The parameters of the solver as a YAML map.
@@ -287,6 +289,7 @@ impl<'a> Simulation<'a> {
         Computation {
             scene: &self.scene,
             patterns: &self.patterns,
+            drawings: &self.drawings,
             parameters: &self.parameters,
             progress: &self.job.bar,
         }

@@ -120,16 +120,24 @@ pub fn examine(
             true => coarse,
             false => search.refine(pattern, coarse.voltage),
         };
-        refine_lowest(patterns, &mut examined, |pattern, limit| {
-            let coarse = search.near_on_coarse(pattern, limit.voltage)?;
-            Some(refined(pattern, coarse))
+        refine_lowest(patterns, &mut examined, |test, limit| {
+            let coarse = search.near_on_coarse(&test.pattern, limit.voltage)?;
+            Some(with_geometry(&search, test, refined(&test.pattern, coarse)))
         });
     } else {
-        refine_lowest(patterns, &mut examined, |pattern, limit| {
-            (!enough(&limit)).then(|| search.refine(pattern, limit.voltage))
+        refine_lowest(patterns, &mut examined, |test, limit| {
+            (!enough(&limit)).then(|| with_geometry(&search, test, search.refine(&test.pattern, limit.voltage)))
         });
     }
     Ok(examined)
+}
+
+/// Adds the error of the cells of a drawn pattern, if elements can follow its shapes. Where they cannot, the reader of
+/// the drawing has told how well the cells agree with it.
+fn with_geometry(search: &CriticalSearch, test: &TestPattern, found: CriticalVoltage) -> CriticalVoltage {
+    let drawn = test.drawing.as_ref();
+    let drawn = drawn.map(|drawing| search.with_geometry([&test.pattern, drawing], found));
+    drawn.filter(|drawn| drawn.error.is_some()).unwrap_or(found)
 }
 
 /// Returns whether the verdict on stability is the same at both ends of the interval of a critical voltage.
@@ -142,7 +150,7 @@ fn is_decided(scene: &Scene, limit: &CriticalVoltage) -> bool {
 fn refine_lowest(
     patterns: &[TestPattern],
     examined: &mut [Examined],
-    near: impl Fn(&Pattern, CriticalVoltage) -> Option<CriticalVoltage> + Sync,
+    near: impl Fn(&TestPattern, CriticalVoltage) -> Option<CriticalVoltage> + Sync,
 ) {
     let lost = |one: &Examined| match one.stability {
         Some(StableRange::Lost(limit)) => Some(limit),
@@ -152,7 +160,7 @@ fn refine_lowest(
     let lowest = limits.map(|limit| limit.voltage).fold(f64::INFINITY, f64::min);
     examined.par_iter_mut().zip(patterns).for_each(|(one, test)| {
         let candidate = lost(one).filter(|limit| limit.interval()[0] <= lowest);
-        if let Some(found) = candidate.and_then(|limit| near(&test.pattern, limit)) {
+        if let Some(found) = candidate.and_then(|limit| near(test, limit)) {
             one.stability = Some(StableRange::Lost(found));
         }
     });

@@ -10,6 +10,8 @@ pub struct TestPattern {
     pub name: String,
     /// The pattern.
     pub pattern: Pattern,
+    /// The pattern as drawn, where cells stand for shapes.
+    pub drawing: Option<Pattern>,
     /// Whether its critical voltage is searched for, which is the expensive part.
     pub find_critical_voltage: bool,
 }
@@ -21,7 +23,17 @@ impl TestPattern {
         Self {
             name: name.to_owned(),
             pattern,
+            drawing: None,
             find_critical_voltage: true,
+        }
+    }
+
+    /// Adds the pattern as drawn, where cells stand for shapes.
+    #[must_use]
+    pub fn drawn(self, drawing: Pattern) -> Self {
+        Self {
+            drawing: Some(drawing),
+            ..self
         }
     }
 

@@ -174,3 +174,20 @@ fn critical_voltages_on_cells_have_the_error_of_their_geometry() {
     let [low, high] = found.interval();
     assert!(low <= truth.voltage && truth.voltage <= high);
 }
+
+#[test]
+fn critical_voltages_of_drawn_electrodes_on_cells_have_the_error_of_their_steps() {
+    let scene = scene("cells: 25", 4000.0, "{}");
+    let [on_cells, drawing] = drawn(&scene, &ellipse([25.0; 2], [10.0; 2], 0.0));
+    let search = |scene: &Scene| CriticalSearch::new(scene, SolveOptions::on(Mesh::biquadratic(1))).unwrap();
+    let (mesh, guess) = (Mesh::bilinear(1), 6700.0);
+    let truth = search(&scene.with_electrodes_of(&drawing)).from(&drawing, mesh, guess);
+    let of_cells = search(&scene).from(&on_cells, mesh, guess);
+    let found = search(&scene).from_drawn([&on_cells, &drawing], mesh, guess);
+    // The steps of the edge lower the limit by more than the error of the mesh.
+    assert!(truth.voltage > of_cells.interval()[1], "{truth:?} {of_cells:?}");
+    let [low, high] = found.interval();
+    assert!(low <= truth.voltage && truth.voltage <= high, "{truth:?} {found:?}");
+    assert_eq!(found.voltage, of_cells.voltage);
+    assert!(found.error.unwrap() < 0.05 * found.voltage, "{found:?}");
+}
