@@ -5,7 +5,7 @@
 //! Bozlar et al., Appl. Phys. Lett. 101 (2012) 091907, with thin electrodes.) The effect vanishes as χ → 0.
 
 use super::effect::{Effect, Significance, switch};
-use super::strip::Strip;
+use super::strip::Strips;
 use crate::energy::{Invariants, Slopes};
 use crate::lanes::Value;
 use deaflow_base::two_digits;
@@ -77,7 +77,7 @@ impl Effect for ElectrodeStiffness {
         unknown.then(|| {
             // Pa·mm are mN/m.
             let threshold =
-                1e-3 * Strip::new(scene).significant_electrode() * scene.shear_modulus_pa() * scene.thickness_mm();
+                1e-3 * Strips::new(scene).significant_electrode() * scene.shear_modulus_pa() * scene.thickness_mm();
             Significance::lacks_data(&format!("μe He > {} N/m", two_digits(threshold)))
         })
     }

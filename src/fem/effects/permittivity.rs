@@ -6,7 +6,7 @@
 //! membrane, J is relative to it and b = κλp². The effect vanishes as s → 0.
 
 use super::effect::{Effect, Significance, switch};
-use super::strip::Strip;
+use super::strip::Strips;
 use crate::energy::{Invariants, Slopes};
 use crate::lanes::Value;
 use crate::powers::power_minus_one;
@@ -118,6 +118,6 @@ impl Effect for StretchDependentPermittivity {
             &scene.properties.stretch_dependent_permittivity,
         ];
         (on.is_none() && known.is_none())
-            .then(|| Significance::lacks_data(&format!("s > {}", two_digits(Strip::new(scene).significant_decay()))))
+            .then(|| Significance::lacks_data(&format!("s > {}", two_digits(Strips::new(scene).significant_decay()))))
     }
 }

@@ -2,7 +2,7 @@
 //! [`crate::energy`].
 
 use super::effect::{Effect, Significance, switch};
-use super::strip::Strip;
+use super::strip::Strips;
 use deaflow_scene::effects::names;
 use deaflow_scene::{Effects, Scene};
 
@@ -30,6 +30,6 @@ impl Effect for StrainStiffening {
 
     fn assess(&self, scene: &Scene) -> Option<Significance> {
         let unknown = scene.effects.strain_stiffening.is_none() && scene.properties.strain_stiffening.is_none();
-        unknown.then(|| Significance::lacks_data(&format!("Jm < {:.0}", Strip::new(scene).significant_jm())))
+        unknown.then(|| Significance::lacks_data(&format!("Jm < {:.0}", Strips::new(scene).significant_jm())))
     }
 }
