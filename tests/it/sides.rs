@@ -536,3 +536,19 @@ tolerances: { thickness: 1 % }
         assert!(told.contains(words), "{words}: {told}");
     }
 }
+
+#[test]
+fn warnings_about_small_membranes_have_enough_work() {
+    let workspace = Workspace::new();
+    let scene = "geometry:\n  size: [40 mm, 10 mm]\n  thickness: 1 mm\n  prestretch: 1\n  cells: [20, 5]\n  sides: { left: \
+                 roller, bottom: roller, right: { bar: { load: [0.5 N, 0 N], moves: [x] } }, top: free }\nmaterial: { \
+                 model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }\ndrive: { voltage: 4 kV }\n";
+    workspace.write("strip.yaml", scene);
+    workspace.write("full.csv", &format!("{}\n", ["1"; 20].join(",")).repeat(5));
+    let ended = workspace.run(&["solve", "strip.yaml", "full.csv"]);
+    assert_eq!(ended.code, Some(0), "{ended}");
+    assert!(!ended.stdout.contains("work limit"), "{}", ended.stdout);
+    // The state under the load is stretched by 1.5, the mount is not.
+    let screened = workspace.run(&["screen", "strip.yaml", "full.csv"]).stdout;
+    assert!(!screened.contains("Jm < 0"), "{screened}");
+}

@@ -14,6 +14,9 @@ use deaflow_scene::{Effects, Scene};
 
 /// Share of the work for a pattern that the warnings of a run may take in addition.
 const WARNING_SHARE: f64 = 0.4;
+/// Number of cells from which on this share holds: on fewer, solutions take as many steps and less time, so that the
+/// share of a small membrane would end in the middle of a solution.
+const MANY_CELLS: f64 = 2500.0;
 /// Largest number of cached decisions of a process.
 const MAX_CACHED: usize = 16;
 
@@ -62,7 +65,9 @@ impl ScreenedScene {
         limit: WorkLimit,
     ) -> Result<Self, SetupError> {
         let scene = resolve(scene)?;
-        let mut screening = screen_for_warnings(&scene, patterns, solved, limit.part(WARNING_SHARE))?;
+        let cells = scene.membrane().raster.cells() as f64;
+        let work = limit.part(WARNING_SHARE * (MANY_CELLS / cells).max(1.0));
+        let mut screening = screen_for_warnings(&scene, patterns, solved, work)?;
         let is_observed = |row: &Row| row.effect == names::BREAKDOWN && row.status == Status::On;
         let (observed, rows) = screening.rows.into_iter().partition(is_observed);
         screening.rows = rows;
