@@ -1,8 +1,10 @@
 //! The artifacts of stages about measurements: what was measured, a scene that was fitted to it, and measured beside
 //! simulated numbers. Numbers that a file does not have are 0.
 
+use super::error::ElementError;
 use super::macros::arrays;
 use super::part::LongTexts;
+use super::samples::{CoveredCells, DrawnElectrodes};
 use deaflow_pattern::Pattern;
 use deaflow_scene::{Scene, Tolerances};
 
@@ -15,6 +17,28 @@ arrays! {
         rows: MeasuredRows = group("rows"),
         /// Electrode patterns of the devices, origin lower left, 1 = electrode.
         patterns: Option<Vec<Pattern>> = array("patterns", "1", [pattern, y, x]),
+        /// If elements follow drawn electrodes, their shapes.
+        electrodes: Option<DrawnElectrodes> = group("electrodes", [(sample, pattern)]),
+        /// If electrodes cover parts of cells, the shares.
+        covered: Option<CoveredCells> = group("covered", [(sample, pattern)]),
+    }
+}
+
+impl Measurements {
+    /// Returns the patterns with their drawn electrodes and covered shares of cells.
+    ///
+    /// # Errors
+    /// If these are invalid.
+    pub fn drawn_patterns(&self) -> Result<Vec<Pattern>, ElementError> {
+        let patterns = self.patterns.clone().unwrap_or_default();
+        let patterns = match &self.electrodes {
+            Some(electrodes) => electrodes.add_to(patterns)?,
+            None => patterns,
+        };
+        match &self.covered {
+            Some(covered) => covered.add_to(patterns),
+            None => Ok(patterns),
+        }
     }
 }
 

@@ -107,7 +107,11 @@ impl MeasureStage {
     }
 
     fn described(content: &Measurements) -> Canonical {
-        let Measurements { files, rows, patterns } = content;
+        let Measurements {
+            files, rows, patterns, ..
+        } = content;
+        // They have just been made from patterns.
+        let drawn = content.drawn_patterns().unwrap_or_default();
         let of_file = |at: usize| {
             let mut digest = DigestWriter::new();
             let own = (0..rows.file.len()).filter(|row| rows.file[*row] == at as u64);
@@ -134,9 +138,13 @@ impl MeasureStage {
                 .iter()
                 .flatten()
                 .nth((files.pattern[at] as usize).wrapping_sub(1));
+            let number = files.pattern[at] as usize;
             let pattern = pattern.map(|pattern: &Pattern| {
                 let mut digest = DigestWriter::new();
                 digest.bytes(pattern.cells());
+                if let Some(drawn) = drawn.get(number.wrapping_sub(1)) {
+                    add_edges(&mut digest, drawn);
+                }
                 ("pattern", digest.finish().to_string().as_str().into())
             });
             let own: [(&str, Canonical); 5] = [
@@ -151,6 +159,21 @@ impl MeasureStage {
         };
         let each = (0..files.test.len()).map(of_file);
         Canonical::map([("files", Canonical::map(each))])
+    }
+}
+
+/// Adds the drawn electrodes and the covered shares of the cells of a pattern, if it has any.
+fn add_edges(digest: &mut DigestWriter, pattern: &Pattern) {
+    for (group, region) in pattern.electrodes().iter().flat_map(|electrodes| electrodes.groups()) {
+        for ring in region.rings() {
+            digest.bytes(&[*group]);
+            for number in ring.iter().flatten() {
+                digest.bytes(&number.to_le_bytes());
+            }
+        }
+    }
+    if let Some(coverage) = pattern.coverage() {
+        digest.bytes(&coverage.bytes());
     }
 }
 

@@ -638,3 +638,73 @@ fn of_laws_that_fit_equally_well_that_with_the_fewest_parameters_is_chosen() {
     );
     assert_eq!(doubt(&fitted(&workspace, &TRELOAR)), None);
 }
+
+#[test]
+fn a_device_is_fitted_with_the_edges_of_its_drawing() {
+    let workspace = Workspace::new();
+    workspace.write(
+        "scene.yaml",
+        "geometry: { side: 52 mm, thickness: 1 mm, prestretch: 3, cells: 26 }\nmaterial: { model: neo-hookean, \
+         shear_modulus: 45 kPa, relative_permittivity: 4.7 }\ndrive: { voltage: 4 kV }\n",
+    );
+    workspace.write(
+        "disc.svg",
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"52mm\" height=\"52mm\" viewBox=\"0 0 52 52\"><circle \
+         cx=\"26\" cy=\"26\" r=\"10\"/></svg>",
+    );
+    let mesh = ["--elements-per-cell", "1", "--order", "2"];
+    let point = [
+        "--point",
+        "36 mm, 26 mm",
+        "--direction",
+        "0",
+        "--edges",
+        "fitted",
+        "--json",
+    ];
+    let row = |voltage: &str| {
+        let of = ["solve", "scene.yaml", "disc.svg", "--voltage", voltage];
+        let solved = workspace.run(&[&of[..], &point, &mesh].concat());
+        assert_eq!(solved.code, Some(0), "{solved}");
+        format!(
+            "{},{}\n",
+            &voltage[..3],
+            number(&solved.json()["patterns"][0]["along_mm"])
+        )
+    };
+    let rows: String = ["3.0 kV", "4.0 kV", "5.0 kV"].map(row).concat();
+    workspace.write("vd.csv", &format!("voltage_kV,displacement_mm\n{rows}"));
+    let entry = |more: &str| {
+        format!(
+            "{{ file: vd.csv, test: voltage-displacement, pattern: disc.svg, point: [36 mm, 26 mm], direction: 0 deg, \
+             sigma: 0.005 mm{more} }}"
+        )
+    };
+    let fit = |more: &str| {
+        workspace.write("measured.yaml", &format!("files:\n  - {}\n", entry(more)));
+        let of = ["measured.yaml", "--free", "shear_modulus=10 kPa..100 kPa", "--json"];
+        let ended = workspace.run(&[&["fit", "scene.yaml"], &of[..], &mesh].concat());
+        assert_eq!(ended.code, Some(0), "{ended}");
+        (number(&ended.json()["parameters"][0]["value"]), ended.stderr)
+    };
+    let (followed, silent) = fit(", edges: fitted");
+    assert!((followed / 45e3 - 1.0).abs() < 1e-4, "{followed}");
+    assert!(!silent.contains("add `edges: fitted`"), "{silent}");
+    let (of_cells, warned) = fit("");
+    assert!((of_cells / 45e3 - 1.0).abs() > 2e-3, "{of_cells}");
+    assert!(warned.contains("add `edges: fitted`"), "{warned}");
+    // A stage keeps the drawn edges, and its key depends on them.
+    let run = |more: &str| {
+        let pipeline = format!(
+            "version: 1\nname: p\nscene: scene.yaml\nstages:\n  seen: {{ kind: measure, files: [{}] }}\n  fitted: {{ kind: \
+             fit, needs: [seen], free: {{ shear_modulus: 10 kPa..100 kPa }}, elements_per_cell: 1, order: 2 }}\n",
+            entry(more)
+        );
+        workspace.write("p.yaml", &pipeline);
+        let ended = workspace.run(&["run", "p.yaml", "--json"]);
+        assert_eq!(ended.code, Some(0), "{ended}");
+        number(&ended.json()["fits"][0]["parameters"][0]["value"])
+    };
+    assert!((run(", edges: fitted") / followed - 1.0).abs() < 1e-5);
+    assert!((run("") / of_cells - 1.0).abs() < 1e-5);
+}

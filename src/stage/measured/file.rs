@@ -9,6 +9,7 @@ use deaflow_base::{
     Quantity, Schema, Stress, Voltage, parameters, words,
 };
 use deaflow_fit::Test;
+use deaflow_pattern::Edges;
 use deaflow_scene::Position;
 
 /// The largest voltage in V.
@@ -221,6 +222,9 @@ parameters! {
         pub sigma: Option<Noise>,
         /// The pattern of electrodes of the device.
         pattern: Option<FileName>,
+        /// How the edges of electrodes of a drawn pattern are followed: by elements (`fitted`), by the share of each cell
+        /// that they cover (`coverage`), or by the cells whose centre is in an electrode.
+        pub edges: Edges = Edges::Cells,
         /// How a sheet stretches.
         pub sheet: Sheet = Sheet::Equibiaxial,
         /// The nominal stress of a dead load on a sheet; without it and `force` the sheet is held at the prestretch of
@@ -263,6 +267,7 @@ fn check_keys(file: &MeasuredFile, map: &Map<'_>) -> Result<(), InputError> {
         Measurement::Field => (
             &["pattern"],
             &[
+                "edges",
                 "voltage",
                 "coordinates",
                 "scale",
@@ -272,9 +277,9 @@ fn check_keys(file: &MeasuredFile, map: &Map<'_>) -> Result<(), InputError> {
                 "correlated_within",
             ],
         ),
-        Measurement::VoltageDisplacement => (&["pattern", "point", "direction"], &[]),
-        Measurement::TimeDisplacement => (&["pattern", "point", "direction"], &["voltage"]),
-        Measurement::FrequencyResponse => (&["pattern", "point", "direction", "alternating"], &["voltage"]),
+        Measurement::VoltageDisplacement => (&["pattern", "point", "direction"], &["edges"]),
+        Measurement::TimeDisplacement => (&["pattern", "point", "direction"], &["edges", "voltage"]),
+        Measurement::FrequencyResponse => (&["pattern", "point", "direction", "alternating"], &["edges", "voltage"]),
         Measurement::VoltageStretch => (&[], &["sheet", "load", "force", "width"]),
         Measurement::Creep => (&[], &["sheet", "load", "force", "width", "voltage"]),
     };

@@ -5,7 +5,7 @@ use super::field::{Field, Series, SheetTable};
 use super::file::Measurement;
 use super::motion::{History, Response};
 use super::table::{ABSOLUTE, MeasuredTable, RELATIVE, Rows, SHARE, STATED};
-use deaflow_content::{LongTexts, MeasuredFiles, MeasuredRows, Measurements};
+use deaflow_content::{CoveredCells, DrawnElectrodes, LongTexts, MeasuredFiles, MeasuredRows, Measurements};
 use deaflow_fit::{Curve, Sigma};
 
 impl MeasuredTable {
@@ -52,6 +52,8 @@ impl MeasuredTable {
         Ok(Measurements {
             files,
             rows,
+            electrodes: DrawnElectrodes::of(&patterns),
+            covered: CoveredCells::of(&patterns),
             patterns: (!patterns.is_empty()).then_some(patterns),
         })
     }
@@ -61,7 +63,8 @@ impl MeasuredTable {
     /// # Errors
     /// If it is not consistent, with the reason.
     pub fn of_content(content: &Measurements) -> Result<Vec<Self>, String> {
-        let Measurements { files, rows, patterns } = content;
+        let Measurements { files, rows, .. } = content;
+        let patterns = content.drawn_patterns().map_err(|error| error.to_string())?;
         let mut all = Vec::with_capacity(files.test.len());
         for at in 0..files.test.len() {
             let name = files.name.0[at].clone();
@@ -83,7 +86,7 @@ impl MeasuredTable {
             let pattern = match files.pattern[at] {
                 0 => None,
                 number => {
-                    let found = patterns.iter().flatten().nth(number as usize - 1);
+                    let found = patterns.get(number as usize - 1);
                     Some(found.cloned().ok_or_else(|| wrong("its pattern is missing"))?)
                 }
             };

@@ -12,7 +12,7 @@ use super::motion::{History, Response, read_history, read_response};
 use crate::direct;
 use deaflow_base::{InputError, Node, words};
 use deaflow_fit::{Curve, HistoryCurve, Load, Sigma, Test};
-use deaflow_pattern::{DrawingOptions, Pattern, PatternForm, form_of};
+use deaflow_pattern::{DrawingOptions, Edges, Pattern, PatternForm, form_of};
 
 /// A file of measurements.
 #[derive(Clone, Debug)]
@@ -294,6 +294,10 @@ fn with_rows<T>((numbers, has_column): (T, bool), rows: fn(T) -> Rows) -> (Rows,
     (rows(numbers), has_column)
 }
 
+/// What a user should know about a drawn pattern on cells.
+const CELLS_FOR_SHAPES: &str = "elements follow cells in place of the drawn edges, and the intervals of a fit do not \
+                                contain the error of that: add `edges: fitted` to the file";
+
 fn one_pattern(
     file: &MeasuredFile,
     node: &Node,
@@ -302,7 +306,14 @@ fn one_pattern(
     let named = path_of(node, file.pattern().unwrap_or_default());
     let argument = named.to_string_lossy().into_owned();
     let form = form.map_or_else(|| form_of(&argument), Ok)?;
-    let mut found = direct::patterns(&[argument], form, &DrawingOptions::default())?;
+    let drawings = DrawingOptions {
+        edges: file.edges,
+        ..DrawingOptions::default()
+    };
+    let mut found = direct::patterns(&[argument], form, &drawings)?;
+    if found.drawings != found.patterns && file.edges == Edges::Cells {
+        found.notes.push(CELLS_FOR_SHAPES.to_owned());
+    }
     match (found.patterns.pop(), found.patterns.is_empty()) {
         (Some(pattern), true) => Ok((pattern, found.notes)),
         _ => Err(node
