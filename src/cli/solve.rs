@@ -143,7 +143,7 @@ pub struct SolveArguments {
 }
 
 /// Parses how edges are followed.
-fn edges(text: &str) -> Result<Edges, String> {
+pub fn edges(text: &str) -> Result<Edges, String> {
     Edges::from_name(text).ok_or_else(|| format!("allowed: {}", Edges::WORDS.join(", ")))
 }
 

@@ -5,17 +5,20 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::arguments::{StateArguments, TimeArguments, has_hdf5_extension, integer, quantity};
+use super::arguments::{
+    DRAWINGS, DrawingArguments, StateArguments, TimeArguments, has_hdf5_extension, integer, quantity,
+};
 use super::pipeline::warn_of_scene;
 use super::point::{PointArguments, Probe};
 use super::progress::Bar;
+use super::solve::edges;
 use super::text::Text;
 use super::{CliError, Exit, Output, csv, model_warnings, table, write};
-use deaflow_base::{CsvColumn, Dimension, Length, Progress, four_digits, is_interrupted};
+use deaflow_base::{CsvColumn, Dimension, Length, Progress, four_digits, is_interrupted, measured};
 use deaflow_fem::SolveOptions;
 use deaflow_fem::screening::resolve;
 use deaflow_field::{Mesh, Order};
-use deaflow_pattern::{DrawingOptions, Pattern};
+use deaflow_pattern::{DrawingOptions, Edges, Pattern};
 use deaflow_stage::direct;
 use deaflow_tolerance::{
     Device, Estimate, Failure, MOST_SAMPLES, Quantile, Source, Study, ToleranceError, Wanted, Yield, share_within,
@@ -36,6 +39,18 @@ pub struct YieldArguments {
     /// Patterns: FILE.npy, FILE.csv, pictures, drawings, or FILE.h5:/dataset
     #[arg(value_name = "PATTERN", required = true)]
     pub patterns: Vec<String>,
+    #[command(flatten)]
+    drawings: DrawingArguments,
+    /// How the edges of electrodes in drawings are followed: by cells, fitted, so that elements follow them, or
+    /// coverage, the share of each cell that they, or the greys of a picture, cover
+    #[arg(
+        long,
+        value_name = "EDGES",
+        default_value = "cells",
+        value_parser = edges,
+        help_heading = DRAWINGS
+    )]
+    edges: Edges,
     #[command(flatten)]
     point: PointArguments,
     /// The displacement that a device has to reach, as in "2 mm", or "90 %" of that of the pattern as drawn
@@ -87,10 +102,18 @@ fn share(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| "allowed: 0.01 % to 50 %".to_owned())
 }
 
+/// The devices of a scene, and those on another mesh for an estimate of the error.
+struct Studies {
+    of_devices: Study,
+    on_other_mesh: Study,
+}
+
 /// The devices of a pattern.
 struct Found {
     file: String,
     nominal: Option<f64>,
+    /// The displacement as drawn on another mesh less that on the mesh of the devices, mm.
+    mesh_change: Option<f64>,
     /// The displacement that devices have to reach, mm.
     wanted_mm: Option<f64>,
     devices: Vec<Device>,
@@ -125,21 +148,35 @@ pub fn execute(arguments: &YieldArguments, output: &Output) -> Result<Exit, CliE
     })?;
     let direct::NamedPatterns {
         patterns, names, notes, ..
-    } = direct::patterns(&arguments.patterns, scene.form(), &DrawingOptions::default())?;
+    } = direct::patterns(&arguments.patterns, scene.form(), &arguments.drawing_options())?;
     notes.iter().for_each(|note| output.warn(note));
-    let study = Study::new(
-        vec![resolve(&scene)?],
-        tolerances.ok_or(ToleranceError::None)?,
-        arguments.options(),
-        arguments.time.work_limit(),
-        arguments.seed,
-    )?;
+    let (decided, tolerances) = (resolve(&scene)?, tolerances.ok_or(ToleranceError::None)?);
+    let study_on = |mesh: Mesh| {
+        let (states, limit) = (vec![decided.clone()], arguments.time.work_limit());
+        Study::new(
+            states,
+            tolerances.clone(),
+            SolveOptions::on(mesh),
+            limit,
+            arguments.seed,
+        )
+    };
+    let studies = Studies {
+        of_devices: study_on(arguments.mesh())?,
+        on_other_mesh: study_on(arguments.other_mesh())?,
+    };
+    let study = &studies.of_devices;
     patterns.iter().try_for_each(|pattern| study.check(pattern))?;
     let neglected = model_warnings::of_equilibria(&scene, &patterns)?;
     let mut found = Vec::new();
     for (pattern, file) in patterns.iter().zip(names) {
-        found.push(of_pattern(arguments, &study, pattern, file, &probe)?);
+        found.push(of_pattern(arguments, &studies, pattern, file, &probe)?);
     }
+    let is_share = arguments.wanted.is_some_and(|wanted| wanted.share().is_some());
+    let of_mesh = found
+        .iter()
+        .filter_map(|one| one.mesh_warning(&study.varying(), is_share));
+    of_mesh.for_each(|warning| output.warn(warning));
     if let Some(file) = &arguments.output {
         let source = format!("scene {}, seed {}", arguments.scene.display(), arguments.seed);
         let (rows, columns) = devices(&found, &study.varying())?;
@@ -167,13 +204,31 @@ pub fn execute(arguments: &YieldArguments, output: &Output) -> Result<Exit, CliE
 }
 
 impl YieldArguments {
-    fn options(&self) -> SolveOptions {
+    fn drawing_options(&self) -> DrawingOptions {
+        DrawingOptions {
+            edges: self.edges,
+            ..self.drawings.options()
+        }
+    }
+
+    fn mesh(&self) -> Mesh {
         let order = if self.order == 1 {
             Order::Bilinear
         } else {
             Order::Biquadratic
         };
-        SolveOptions::on(Mesh::new(self.elements_per_cell as usize, order))
+        Mesh::new(self.elements_per_cell as usize, order)
+    }
+
+    /// Returns the mesh whose displacements tell the error of those on the mesh of the devices: a finer one, or the
+    /// next coarser one of the finest.
+    fn other_mesh(&self) -> Mesh {
+        let mesh = self.mesh();
+        match (mesh.order(), 2 * mesh.elements_per_cell()) {
+            (Order::Bilinear, _) => Mesh::biquadratic(mesh.elements_per_cell()),
+            (Order::Biquadratic, twice) if twice <= Mesh::MOST_ELEMENTS => Mesh::biquadratic(twice),
+            (Order::Biquadratic, twice) => Mesh::biquadratic(twice / 4),
+        }
     }
 
     /// Returns the displacement that devices of a pattern have to reach, mm.
@@ -196,12 +251,20 @@ impl YieldArguments {
 /// Simulates the devices of a pattern: as many as requested, or until the interval of the yield is narrow enough.
 fn of_pattern(
     arguments: &YieldArguments,
-    study: &Study,
+    studies: &Studies,
     pattern: &Pattern,
     file: String,
     probe: &Probe,
 ) -> Result<Found, CliError> {
-    let nominal = study.nominal(pattern)?.ok().map(|fields| probe.of(&fields[0]));
+    let study = &studies.of_devices;
+    let as_drawn = |study: &Study| -> Result<Option<f64>, CliError> {
+        Ok(study.nominal(pattern)?.ok().map(|fields| probe.of(&fields[0])))
+    };
+    let nominal = as_drawn(study)?;
+    let mesh_change = match nominal {
+        Some(own) => as_drawn(&studies.on_other_mesh)?.map(|other| other - own),
+        None => None,
+    };
     let wanted_mm = arguments.wanted_mm(&file, nominal)?;
     let mut samples = arguments.samples;
     let mut devices: Vec<Device> = Vec::new();
@@ -220,6 +283,7 @@ fn of_pattern(
             return Ok(Found {
                 file,
                 nominal,
+                mesh_change,
                 wanted_mm,
                 devices,
                 result,
@@ -228,6 +292,56 @@ fn of_pattern(
         samples = (2 * samples).min(MOST_SAMPLES);
     }
 }
+
+impl Found {
+    /// Formats the displacement as drawn with the error of the mesh.
+    fn as_drawn(&self) -> String {
+        match (self.nominal, self.mesh_change) {
+            (Some(mm), Some(change)) => measured(mm, change.abs()),
+            (Some(mm), None) => four_digits(mm),
+            (None, _) => "-".to_owned(),
+        }
+    }
+
+    /// Returns the yield of the devices with the displacement of all changed as by the other mesh. A share of the
+    /// displacement as drawn changes with it.
+    fn reached_on_other_mesh(&self, varying: &[Source], is_share: bool) -> Option<f64> {
+        let wanted = self.wanted_mm.filter(|_| !is_share)? - self.mesh_change?;
+        Some(Yield::of(&self.devices, varying, Some(wanted)).reached?.value)
+    }
+
+    /// Warns of a mesh whose error is not small against the differences of the devices, or changes the yield by more
+    /// than its interval.
+    fn mesh_warning(&self, varying: &[Source], is_share: bool) -> Option<String> {
+        let change = self.mesh_change?;
+        let deviation = self.result.deviation.as_ref()?.value;
+        let reached = self.result.reached.as_ref();
+        let other = self.reached_on_other_mesh(varying, is_share);
+        let is_outside = |Estimate {
+                              interval: [low, high], ..
+                          }: &Estimate,
+                          other: f64| other < *low || *high < other;
+        let shifted = reached
+            .zip(other)
+            .filter(|(reached, other)| is_outside(reached, *other));
+        if change.abs() <= SMALL_SHARE * deviation && shifted.is_none() {
+            return None;
+        }
+        let shifted = shifted.map_or_else(String::new, |(_, other)| {
+            format!(", and the yield to about {}", percent(other))
+        });
+        Some(format!(
+            "{}: another mesh changes the displacement as drawn by {} mm, {} of the standard deviation{shifted}: use \
+             --order 2, or more --elements-per-cell",
+            self.file,
+            four_digits(change),
+            percent(change.abs() / deviation)
+        ))
+    }
+}
+
+/// The error of a mesh in units of the standard deviation of the devices from which on it is too large.
+const SMALL_SHARE: f64 = 0.1;
 
 /// How far the interval of a yield reaches from it.
 fn half_width(result: &Yield) -> f64 {
@@ -296,7 +410,7 @@ fn text(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Text {
         };
         let mut row = vec![
             one.file.clone(),
-            one.nominal.map_or_else(|| "-".to_owned(), four_digits),
+            one.as_drawn(),
             mm(&result.mean),
             mm(&result.deviation),
         ];
@@ -380,6 +494,7 @@ fn document(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Value
             "file": one.file,
             "samples": result.samples,
             "as_drawn_mm": one.nominal,
+            "as_drawn_error_mm": one.mesh_change.map(f64::abs),
             "wanted_mm": one.wanted_mm,
             "mean_mm": result.mean,
             "standard_deviation_mm": result.deviation,

@@ -483,3 +483,73 @@ stages:
         "changed in the files: stages.best.objective.robust.mask from 0.15 mm to 0.2 mm"
     );
 }
+
+#[test]
+fn the_displacement_as_drawn_has_the_error_of_the_mesh() {
+    let workspace = workspace();
+    let document = |more: &[&str]| {
+        let ended = yields(&workspace, &[&["--json", "--samples", "100"], more].concat());
+        assert_eq!(ended.code, Some(0), "{ended}");
+        (ended.json()["patterns"][0].clone(), ended.stderr)
+    };
+    let thin = ["--set", "tolerances={ voltage: 0.1 % }", "--wanted", "2 mm"];
+    let (coarse, warned) = document(&thin);
+    let (fine, silent) = document(&["--order", "2", "--elements-per-cell", "2"]);
+    let [coarse_mm, fine_mm] = [&coarse, &fine].map(|found| number(&found["as_drawn_mm"]));
+    let stated = number(&coarse["as_drawn_error_mm"]);
+    assert!(
+        (coarse_mm - fine_mm).abs() < 1.5 * stated,
+        "{coarse_mm} {fine_mm} {stated}"
+    );
+    assert!(number(&fine["as_drawn_error_mm"]) < 0.3 * stated);
+    // Tolerances of 0.1 % of the voltage change the displacement by less than a coarse mesh.
+    assert!(
+        warned.contains("another mesh changes the displacement as drawn by") && warned.contains("use --order 2"),
+        "{warned}"
+    );
+    assert!(!silent.contains("another mesh"), "{silent}");
+    let told = yields(&workspace, &["--samples", "100"]).stdout;
+    assert!(told.contains(" ± "), "{told}");
+}
+
+#[test]
+fn drawings_of_devices_are_placed_and_followed_as_by_solve() {
+    let workspace = workspace();
+    workspace.write(
+        "disc.svg",
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"20mm\" height=\"20mm\" viewBox=\"0 0 20 20\"><circle \
+         cx=\"10\" cy=\"10\" r=\"10\"/></svg>",
+    );
+    let own = [
+        "--set",
+        "tolerances={ voltage: 1 % }",
+        "--samples",
+        "20",
+        "--point",
+        "40,25",
+        "--json",
+    ];
+    let placed = ["--origin", "15 mm, 15 mm", "--edges", "fitted", "--order", "2"];
+    let ended = workspace.run(&[&["yield", "scene.yaml", "disc.svg"], &own[..], &placed].concat());
+    assert_eq!(ended.code, Some(0), "{ended}");
+    let found = number(&ended.json()["patterns"][0]["as_drawn_mm"]);
+    let solved = workspace.run(
+        &[
+            &[
+                "solve",
+                "scene.yaml",
+                "disc.svg",
+                "--json",
+                "--point",
+                "40,25",
+                "--elements-per-cell",
+                "1",
+            ],
+            &placed[..],
+        ]
+        .concat(),
+    );
+    assert_eq!(solved.code, Some(0), "{solved}");
+    let solved = number(&solved.json()["patterns"][0]["along_mm"]);
+    assert!((found / solved - 1.0).abs() < 1e-4, "{found} {solved}");
+}
