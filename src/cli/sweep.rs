@@ -208,6 +208,23 @@ fn collected(store: &Store, stages: &[StageReport], name: &str) -> Result<Option
     }))
 }
 
+/// Returns the names of the axes of a stage in a file: the keys of `foreach`, and of its pairs.
+fn axes_of(stage: &Node) -> Vec<String> {
+    let keys = Node::keys;
+    let Some(foreach) = stage.peek("foreach") else {
+        return Vec::new();
+    };
+    let pairs = foreach.peek(ZIP).map_or_else(Vec::new, |zip| match zip.value() {
+        NodeValue::List(items) => items.iter().flat_map(keys).collect(),
+        _ => keys(zip),
+    });
+    let own = keys(foreach).into_iter().filter(|axis| axis != ZIP);
+    own.chain(pairs).collect()
+}
+
+/// The key of axes whose values are paired.
+const ZIP: &str = "zip";
+
 /// Whether a stage of a sweep was added by the command: the table that collects the results.
 pub fn is_added(stage: &RunStage) -> bool {
     let rest = stage.name.strip_prefix(TABLE);
@@ -425,12 +442,12 @@ impl<'a> SweepPlan<'a> {
         let mut seen = BTreeSet::new();
         needs.retain(|stage| seen.insert(*stage));
         let mut columns: Vec<&str> = self.names.iter().map(String::as_str).collect();
-        columns.extend(
-            results
-                .iter()
-                .map(String::as_str)
-                .filter(|result| !self.names.iter().any(|name| name == result)),
-        );
+        let own = self.axes_of_file(&needs);
+        for column in own.iter().chain(&results) {
+            if !columns.contains(&column.as_str()) {
+                columns.push(column);
+            }
+        }
         // Messages quote the arguments, not the stage that they make.
         let word = |option: &str, word: &str| -> Result<Node, CliError> {
             let node = Override::of_option(option, &self.table, word)?.node().clone();
@@ -465,6 +482,37 @@ impl<'a> SweepPlan<'a> {
         let set = Override::parse(&format!("stages.{}={{}}", self.table))?;
         let all = word("--table", &self.arguments.table.join(","))?;
         Ok(set.with_node(mapping(&all, stage)))
+    }
+
+    /// Returns the axes of `foreach` in the file that all of some stages have, of their own or by stages that they need.
+    fn axes_of_file(&self, stages: &[&str]) -> Vec<String> {
+        let of_each: Vec<Vec<String>> = stages.iter().map(|stage| self.axes_upstream(stage)).collect();
+        let Some((first, others)) = of_each.split_first() else {
+            return Vec::new();
+        };
+        let is_common = |axis: &&String| others.iter().all(|axes| axes.contains(axis));
+        first.iter().filter(is_common).cloned().collect()
+    }
+
+    /// Returns the axes of a stage and of all that it needs, those of the first ones first.
+    fn axes_upstream(&self, stage: &str) -> Vec<String> {
+        let all = self.stages();
+        let (mut open, mut seen, mut found) = (vec![stage.to_owned()], BTreeSet::new(), Vec::new());
+        while let Some(name) = open.pop() {
+            let Some((_, node)) = all.iter().find(|(known, _)| *known == name) else {
+                continue;
+            };
+            if !seen.insert(name) {
+                continue;
+            }
+            found.splice(0..0, axes_of(node));
+            let needs = node.peek("needs").and_then(|needs| needs.list("needs").ok());
+            let names = needs.into_iter().flatten().filter_map(|need| need.text("needs").ok());
+            open.extend(names.map(str::to_owned));
+        }
+        let mut once = BTreeSet::new();
+        found.retain(|axis| once.insert(axis.clone()));
+        found
     }
 
     /// Returns the stages of the file, by name.

@@ -315,6 +315,16 @@ fn a_sweep_ends_with_a_stage_and_names_the_results_of_several_by_stage() {
     assert_eq!(both[0], "voltage_V,fine.max_displacement_mm,solved.max_displacement_mm");
     let cells: Vec<&str> = both[1].split(',').collect();
     assert!(cells.len() == 3 && cells[1] != cells[2], "{both:?}");
+    // Rows say of which values they are, of the file too: of stages that both last ones need.
+    let axis = plain.replace("small:  {", "small: { foreach: { seeds: [1, 2] },");
+    workspace.write("plain.yaml", &axis.replace("seed: 1", "seed: \"${seeds}\""));
+    let swept = table(&[]);
+    assert_eq!(
+        swept[0],
+        "voltage_V,seeds,fine.max_displacement_mm,solved.max_displacement_mm"
+    );
+    assert_eq!(swept.len(), 5, "{swept:?}");
+    workspace.write("plain.yaml", &plain);
     let one = table(&["--until", "fine"]);
     assert_eq!(one[0], "voltage_V,max_displacement_mm");
     assert_eq!(one[1], format!("3000,{}", cells[1]));
