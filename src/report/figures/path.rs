@@ -81,6 +81,13 @@ fn paths_chart(branches: &[Branch], names: &PathAxes) -> Result<Chart, FigureErr
             "a load path needs a finite value at each point".into(),
         ));
     }
+    // An unstable part may lead far away, where the stable one would be a flat line.
+    let most = FARTHEST * branches.iter().map(Branch::stable_extent).fold(0.0, f64::max);
+    let shown: Vec<Branch> = match most > 0.0 {
+        true => branches.iter().map(|branch| branch.within(most)).collect(),
+        false => branches.to_vec(),
+    };
+    let branches = &shown[..];
     let axes = [
         Axis::above(&names.along, branches.iter().flat_map(|b| &b.along)),
         Axis::above(&names.across, branches.iter().flat_map(|b| &b.across)),
@@ -117,7 +124,41 @@ fn title(branches: &[Branch], unit: &str) -> String {
     }
 }
 
+/// The largest displacement or force that is drawn, in units of the largest one of a stable state.
+const FARTHEST: f64 = 2.0;
+
 impl Branch {
+    /// Returns the largest size of a displacement or force at a stable point, and at the limit.
+    fn stable_extent(&self) -> f64 {
+        let stable = self.across.iter().zip(&self.stable).filter(|(_, stable)| **stable);
+        let sizes = stable.map(|(across, _)| across.abs());
+        sizes
+            .chain(self.limit.iter().map(|limit| limit.across.abs()))
+            .fold(0.0, f64::max)
+    }
+
+    /// Returns the branch up to where it first leaves a range of displacements or forces, with a point there.
+    fn within(&self, most: f64) -> Self {
+        let mut cut = self.clone();
+        let Some(outside) = self.across.iter().position(|across| across.abs() > most) else {
+            return cut;
+        };
+        let keep = outside.max(1);
+        cut.along.truncate(keep);
+        cut.across.truncate(keep);
+        cut.stable.truncate(keep);
+        if outside > 0 {
+            let end = self.across[outside];
+            let (from, to) = (self.across[outside - 1], most.copysign(end));
+            let share = (to - from) / (end - from);
+            cut.along
+                .push(self.along[outside - 1] + share * (self.along[outside] - self.along[outside - 1]));
+            cut.across.push(to);
+            cut.stable.push(self.stable[outside]);
+        }
+        cut
+    }
+
     /// Draws the stable and unstable parts; the first one has the name.
     fn curve(&self, name: &str, colour: Colour) -> Vec<Series> {
         let point = |k: usize| (self.along[k], self.across[k]);

@@ -327,6 +327,11 @@ fn incomplete_data_is_refused_and_unusual_data_is_drawn() {
     let path = folder.path().join("x.png");
     let draw = |sheet: Result<Sheet, FigureError>| sheet.unwrap().write_png(&path).unwrap();
     draw(paths_sheet(&branches(12), &volts()));
+    // An unstable part that leads far away does not flatten the stable one: the axis ends near twice its height.
+    let mut far = branches(1);
+    far[0].across[39] = 4000.0;
+    let flat = paths_sheet(&far, &volts()).unwrap().svg("far").into_string();
+    assert!(!flat.contains("4000") && !flat.contains("1000"), "{flat}");
     let mut still = branches(1);
     still[0].across.fill(0.0);
     still[0].limit = None;
