@@ -224,12 +224,16 @@ fn electrodes(class: &str, pattern: &Pattern, edge: impl Fn(&Pattern) -> String)
         @if groups <= 1 { path class=(class) d=(edge(pattern)) {} }
         @else {
             @for group in 1..=groups {
-                @let opacity = 1.0 - 0.6 * (group - 1) as f64 / (groups - 1) as f64;
-                @let style = format!("fill-opacity:{opacity:.2}");
+                @let style = format!("fill-opacity:{:.2}", opacity(group, groups));
                 path class=(class) style=(style) d=(edge(&pattern.of_group(group as u8))) {}
             }
         }
     }
+}
+
+/// Returns the opacity of a group among several: the first one is opaque.
+fn opacity(group: usize, groups: usize) -> f64 {
+    1.0 - 0.6 * group.saturating_sub(1) as f64 / groups.saturating_sub(1).max(1) as f64
 }
 
 /// A pattern with its displacement field.
@@ -448,24 +452,59 @@ impl DeformedMembrane {
         })
     }
 
-    /// Draws the electrode and the grid from the side and above, true to scale but for heights.
-    pub fn from_the_side(&self, height_scale: f64) -> Markup {
-        let seen = |at: Point| {
+    /// Draws the electrode and the grid from the side and above, true to scale but for heights, and returns the view.
+    pub fn from_the_side(&self, height_scale: f64) -> (Markup, [f64; 4]) {
+        let side = self.background.side();
+        let seen = |x: usize, y: usize| {
             let columns = self.background.raster().columns() + 1;
-            // Corners have heights; between them they are those of the nearest one.
-            let [x, y] = at.map(|c| c.round() as usize);
-            let (place, u) = (self.background.in_mm(at), self.displacement.at(at));
             let height = height_scale * self.heights.get(y * columns + x).copied().unwrap_or(0.0);
-            let [x, y] = [0, 1].map(|k| place[k] + u[k]);
-            let low = 0.5 * (1.0 - TILT) * self.background.side();
-            to_drawing([x, low + TILT * y + height], self.background.side())
+            let (place, u) = (
+                self.background.in_mm([x as f64, y as f64]),
+                self.displacement.at_corner(x, y),
+            );
+            to_drawing([place[0] + u[0], TILT * (place[1] + u[1]) + height], side)
         };
-        let lines = self.lines_of_grid(|x, y| seen([x as f64, y as f64]));
-        let grid = lines.map(|line| path(&line, false)).collect::<String>();
-        html! {
-            (electrodes("moved", &self.pattern, |group| edge(rings(group), seen)))
+        let lines: Vec<Vec<(f64, f64)>> = self.lines_of_grid(seen).collect();
+        let heights = || lines.iter().flatten().map(|(_, y)| *y);
+        let (top, bottom) = heights().fold((f64::MAX, f64::MIN), |(top, bottom), y| (top.min(y), bottom.max(y)));
+        let [left, _, width, _] = self.background.view();
+        let grid = lines.iter().map(|line| path(line, false)).collect::<String>();
+        let drawn = html! {
+            // What is in front covers what is behind.
+            g stroke="none" {
+                @for (group, cells) in self.rows_from_behind(seen) {
+                    path class="moved" style=(format!("stroke:none;fill-opacity:{:.2}", self.opacity(group))) d=(cells) {}
+                }
+            }
             path class="mesh" d=(grid) {}
+        };
+        (drawn, [left, top - MARGIN, width, bottom - top + 2.0 * MARGIN])
+    }
+
+    /// Returns the outlines of neighbouring cells of a group in each row, the last row first, with corners at places.
+    fn rows_from_behind(&self, place: impl Fn(usize, usize) -> (f64, f64)) -> Vec<(u8, String)> {
+        let [columns, rows] = self.background.raster().sides();
+        let mut found = Vec::new();
+        for y in (0..rows).rev() {
+            let mut x = 0;
+            while x < columns {
+                let (group, first) = (self.pattern.group(x, y), x);
+                while x < columns && self.pattern.group(x, y) == group {
+                    x += 1;
+                }
+                if group > 0 {
+                    let below = (first..=x).map(|x| place(x, y));
+                    let above = (first..=x).rev().map(|x| place(x, y + 1));
+                    found.push((group, path(&below.chain(above).collect::<Vec<_>>(), true)));
+                }
+            }
         }
+        found
+    }
+
+    /// Returns the opacity of a group.
+    fn opacity(&self, group: u8) -> f64 {
+        opacity(usize::from(group), self.pattern.groups())
     }
 
     fn moved(&self, corner: [f64; 2], scale: f64) -> (f64, f64) {

@@ -168,12 +168,12 @@ fn from_the_side(design: &Design) -> Option<(Markup, String)> {
         1.0 => "true to scale".to_owned(),
         scale => format!("drawn {scale} times as large"),
     };
-    let [left, top, width, height] = design.background.view();
-    let view = format!("{left} {top} {width} {height}");
+    let (membrane, view) = membrane.from_the_side(scale);
+    let view = view.map(|length| format!("{length:.0}")).join(" ");
     let drawn = html! {
         svg.membrane viewBox=(view) role="img" aria-label="The membrane from the side" {
             title { "The membrane from the side" }
-            (membrane.from_the_side(scale))
+            (membrane)
         }
     };
     Some((drawn, format!("From the side: heights by the voltage, {times}")))
