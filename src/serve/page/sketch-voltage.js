@@ -48,8 +48,9 @@ export class Voltage {
     this.go = h("button", { type: "button", id: "to-limit", hidden: true, onclick: () => this.limit !== null && this.set(below(this.limit)) });
     this.range.addEventListener("input", () => this.read(this.range.value));
     this.field.addEventListener("input", () => {
-      this.read(this.field.value);
-      this.unit.textContent = this.field.hasAttribute("aria-invalid") ? "" : withAssumedUnit(this.field.value, "voltage");
+      const text = this.field.value;
+      this.read(text);
+      this.unit.textContent = this.field.hasAttribute("aria-invalid") ? "" : withAssumedUnit(text, "voltage");
     });
     this.field.addEventListener("blur", () => !this.field.hasAttribute("aria-invalid") && this.show());
     return h(

@@ -146,7 +146,7 @@ stages:
   seen: { kind: measure, files: [
     { file: tests/it/schema/field.csv, test: field, pattern: tests/it/schema/own.csv, voltage: 4 kV, coordinates: deformed, scale: 21.3 um/px,
       origin: [1 mm, 2 mm], turn: 1 deg, y: down, correlated_within: 5 mm, sigma: 5 um },
-    { file: tests/it/schema/travel.csv, test: voltage-displacement, pattern: tests/it/schema/own.csv, point: [25 mm, 25 mm], direction: 0 deg },
+    { file: tests/it/schema/travel.csv, test: voltage-displacement, pattern: tests/it/schema/own.csv, edges: cells, point: [25 mm, 25 mm], direction: 0 deg },
     { file: tests/it/schema/motion.csv, test: time-displacement, pattern: tests/it/schema/own.csv, point: [25 mm, 25 mm], direction: 0 deg, voltage: 4 kV },
     { file: tests/it/schema/response.csv, test: frequency-response, pattern: tests/it/schema/own.csv, point: [25 mm, 25 mm], direction: 0 deg, alternating: 50 V },
     { file: tests/it/schema/sheet.csv, test: voltage-stretch, sheet: pure-shear, load: 30 kPa },
