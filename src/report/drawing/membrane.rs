@@ -471,7 +471,7 @@ impl DeformedMembrane {
         let grid = lines.iter().map(|line| path(line, false)).collect::<String>();
         let drawn = html! {
             // What is in front covers what is behind.
-            g stroke="none" {
+            g stroke="none" shape-rendering="crispEdges" {
                 @for (group, cells) in self.rows_from_behind(seen) {
                     path class="moved" style=(format!("stroke:none;fill-opacity:{:.2}", self.opacity(group))) d=(cells) {}
                 }
