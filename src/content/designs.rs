@@ -363,9 +363,9 @@ arrays! {
     /// Changes by the voltage out of the plane, in each state of the device, ordered by name, or in the only one.
     #[derive(Default)]
     pub struct HeightChanges, HeightChangesView {
-        /// Displacement out of the plane at the cell corners.
+        /// Change of the height of the cell corners by the voltage.
         height: Packed<PerCorner<f64>> = array("height", "mm", [simulated_row, state, corner_y, corner_x]),
-        /// Volume between the membrane and its plane.
+        /// Change of the volume between the membrane and its plane by the voltage.
         volume: Packed<f64> = array("volume", "ml", [simulated_row, state]),
     }
 }

@@ -71,6 +71,11 @@ pub fn weak_drive_warning(scene: &Scene) -> Option<String> {
 
 /// Returns advice for a scene in which no pattern is stable.
 pub fn stability_advice(scene: &Scene) -> String {
+    if scene.is_in_space() {
+        return "lower the voltage, the pressure or the volume, or use a thicker or stiffer membrane; `deaflow solve` \
+                finds the largest load"
+            .to_owned();
+    }
     let limits = match fully_active_limit(scene, 1.0 / FIRST_UNSTABLE) {
         Ok(Some(limit)) => format!(
             ": single cells are unstable above about {}, a fully covered membrane above {}",

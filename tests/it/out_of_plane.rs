@@ -400,7 +400,8 @@ fn stages_refuse_what_is_not_simulated_out_of_the_plane() {
         "{}",
         ended.stderr
     );
-    let trained = pipeline(blown, volume, "") + "  network: { kind: train, needs: [verified], network: qin2024, epochs: 1, seed: 1 }\n";
+    let trained = pipeline(blown, volume, "")
+        + "  network: { kind: train, needs: [verified], network: qin2024, epochs: 1, seed: 1 }\n";
     workspace.write("refused.yaml", &trained);
     let ended = workspace.run(&["plan", "refused.yaml"]);
     assert!(ended.stderr.contains("there are no networks"), "{}", ended.stderr);
