@@ -37,9 +37,9 @@ pub fn second_mesh(solver: &SolverParameters) -> Option<SecondMesh<SolverParamet
 /// Returns the error of the value of a goal in mm from the fields in all states on two meshes, without the margin.
 ///
 /// The difference of two values may be zero by chance, because its sign differs from place to place. So the error is at
-/// least the root mean square difference of the displacements of the membrane, or of its heights for those and volumes. For 16 patterns on 25 x 25 cells the
-/// difference alone was exceeded at 2 to 10 % of the corners, by up to a thousand times; both together at 0 to 3 %, by
-/// up to 2.2 times.
+/// least the root mean square difference of the displacements of the membrane, or of its heights for those and volumes.
+/// For 16 patterns on 25 x 25 cells the difference alone was exceeded at 2 to 10 % of the corners, by up to a thousand
+/// times; both together at 0 to 3 %, by up to 2.2 times.
 fn mesh_error(goal: &Goal, fields: &[Field], others: &[Field]) -> f64 {
     let difference = (goal.value_mm(fields) - goal.value_mm(others)).abs();
     if goal.is_reaction() {
