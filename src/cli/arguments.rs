@@ -373,6 +373,26 @@ pub struct DrawingArguments {
     threshold: Option<f64>,
 }
 
+/// How drawn electrodes are followed.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct EdgesArguments {
+    /// How the edges of electrodes in drawings are followed: by cells, fitted, so that elements follow them, or
+    /// coverage, the share of each cell that they, or the greys of a picture, cover
+    #[arg(
+        long,
+        value_name = "EDGES",
+        default_value = "cells",
+        value_parser = edges,
+        help_heading = DRAWINGS
+    )]
+    pub edges: Edges,
+}
+
+/// Parses how edges are followed.
+fn edges(text: &str) -> Result<Edges, String> {
+    Edges::from_name(text).ok_or_else(|| format!("allowed: {}", Edges::WORDS.join(", ")))
+}
+
 impl DrawingArguments {
     /// Returns how drawings are read.
     pub fn options(&self) -> DrawingOptions {

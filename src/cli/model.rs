@@ -56,8 +56,8 @@ pub fn of_kind(reference: &str, store: &Path, kind: ArtifactKind, what: &str) ->
     )
 }
 
-/// Whether a file is one of `deaflow solve` or `deaflow predict`, which is no artifact; as one it would be damaged. What
-/// is no HDF5 file is left to the reader of artifacts.
+/// Whether a file is one of `deaflow solve` or `deaflow predict`, which is no artifact; as one it would be damaged.
+/// What is no HDF5 file is left to the reader of artifacts.
 pub fn is_displacements(path: &Path) -> bool {
     let has = |name| matches!(RowFile::open(path).and_then(|file| file.shape(name)), Ok(Some(_)));
     !Artifact::is_at(path) && has("displacement")

@@ -20,14 +20,14 @@ use std::str::FromStr;
 use clap::Args;
 
 use super::arguments::{
-    DRAWINGS, PatternArguments, StateArguments, TOLERANCE, TimeArguments, accuracy, integer, number,
+    EdgesArguments, PatternArguments, StateArguments, TOLERANCE, TimeArguments, accuracy, integer, number,
 };
 use super::point::PointArguments;
 use super::{CliError, Exit, Output, write};
 use deaflow_base::Quantity;
 use deaflow_fem::{MeshRequest, Method, PathParameter, SolveOptions, SolverParameters};
 use deaflow_field::{Mesh, Order};
-use deaflow_pattern::{Edges, has_patterns};
+use deaflow_pattern::has_patterns;
 use deaflow_stage::direct::{self, ReadScene};
 
 pub use analysis::{Analysed, Analysis};
@@ -61,16 +61,8 @@ pub struct SolveArguments {
     /// Override a value of the scene, such as drive.voltage="4 kV"
     #[arg(long = "set", value_name = "PATH=VALUE")]
     sets: Vec<String>,
-    /// How the edges of electrodes in drawings are followed: by cells, fitted, so that elements follow them, or
-    /// coverage, the share of each cell that they, or the greys of a picture, cover
-    #[arg(
-        long,
-        value_name = "EDGES",
-        default_value = "cells",
-        value_parser = edges,
-        help_heading = DRAWINGS
-    )]
-    pub edges: Edges,
+    #[command(flatten)]
+    pub edges: EdgesArguments,
     /// The method: newton, or the estimates linear and chord:N (N chord steps), which are not equilibria
     #[arg(
         long,
@@ -140,11 +132,6 @@ pub struct SolveArguments {
     pub point: PointArguments,
     #[command(flatten)]
     pub state: StateArguments,
-}
-
-/// Parses how edges are followed.
-pub fn edges(text: &str) -> Result<Edges, String> {
-    Edges::from_name(text).ok_or_else(|| format!("allowed: {}", Edges::WORDS.join(", ")))
 }
 
 /// Parses what changes along a path.

@@ -6,19 +6,18 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::arguments::{
-    DRAWINGS, DrawingArguments, StateArguments, TimeArguments, has_hdf5_extension, integer, quantity,
+    DrawingArguments, EdgesArguments, StateArguments, TimeArguments, has_hdf5_extension, integer, quantity,
 };
 use super::pipeline::warn_of_scene;
 use super::point::{PointArguments, Probe};
 use super::progress::Bar;
-use super::solve::edges;
 use super::text::Text;
 use super::{CliError, Exit, Output, csv, model_warnings, table, write};
 use deaflow_base::{CsvColumn, Dimension, Length, Progress, four_digits, is_interrupted, measured};
 use deaflow_fem::SolveOptions;
 use deaflow_fem::screening::resolve;
 use deaflow_field::{Mesh, Order};
-use deaflow_pattern::{DrawingOptions, Edges, Pattern};
+use deaflow_pattern::{DrawingOptions, Pattern};
 use deaflow_stage::direct;
 use deaflow_tolerance::{
     Device, Estimate, Failure, MOST_SAMPLES, Quantile, Source, Study, ToleranceError, Wanted, Yield, share_within,
@@ -41,16 +40,8 @@ pub struct YieldArguments {
     pub patterns: Vec<String>,
     #[command(flatten)]
     drawings: DrawingArguments,
-    /// How the edges of electrodes in drawings are followed: by cells, fitted, so that elements follow them, or
-    /// coverage, the share of each cell that they, or the greys of a picture, cover
-    #[arg(
-        long,
-        value_name = "EDGES",
-        default_value = "cells",
-        value_parser = edges,
-        help_heading = DRAWINGS
-    )]
-    edges: Edges,
+    #[command(flatten)]
+    edges: EdgesArguments,
     #[command(flatten)]
     point: PointArguments,
     /// The displacement that a device has to reach, as in "2 mm", or "90 %" of that of the pattern as drawn
@@ -206,7 +197,7 @@ pub fn execute(arguments: &YieldArguments, output: &Output) -> Result<Exit, CliE
 impl YieldArguments {
     fn drawing_options(&self) -> DrawingOptions {
         DrawingOptions {
-            edges: self.edges,
+            edges: self.edges.edges,
             ..self.drawings.options()
         }
     }

@@ -4,7 +4,7 @@
 use super::error::ElementError;
 use super::macros::arrays;
 use super::part::LongTexts;
-use super::samples::{CoveredCells, DrawnElectrodes};
+use super::samples::{CoveredCells, DrawnElectrodes, drawn_patterns};
 use deaflow_pattern::Pattern;
 use deaflow_scene::{Scene, Tolerances};
 
@@ -31,14 +31,7 @@ impl Measurements {
     /// If these are invalid.
     pub fn drawn_patterns(&self) -> Result<Vec<Pattern>, ElementError> {
         let patterns = self.patterns.clone().unwrap_or_default();
-        let patterns = match &self.electrodes {
-            Some(electrodes) => electrodes.add_to(patterns)?,
-            None => patterns,
-        };
-        match &self.covered {
-            Some(covered) => covered.add_to(patterns),
-            None => Ok(patterns),
-        }
+        drawn_patterns(patterns, self.electrodes.as_ref(), self.covered.as_ref())
     }
 }
 

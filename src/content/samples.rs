@@ -221,20 +221,32 @@ impl DrawnElectrodes {
     }
 }
 
+/// Adds drawn electrodes and covered shares of cells to patterns, which are read without them.
+///
+/// # Errors
+/// If they are invalid.
+pub fn drawn_patterns(
+    patterns: Vec<Pattern>,
+    electrodes: Option<&DrawnElectrodes>,
+    covered: Option<&CoveredCells>,
+) -> Result<Vec<Pattern>, ElementError> {
+    let patterns = match electrodes {
+        Some(electrodes) => electrodes.add_to(patterns)?,
+        None => patterns,
+    };
+    match covered {
+        Some(covered) => covered.add_to(patterns),
+        None => Ok(patterns),
+    }
+}
+
 impl SampleRows {
     /// Adds the drawn electrodes and the covered shares of cells to the patterns, which are read without them.
     ///
     /// # Errors
     /// If they are invalid.
     pub fn drawn(self) -> Result<Self, ElementError> {
-        let patterns = match &self.electrodes {
-            Some(electrodes) => electrodes.add_to(self.patterns)?,
-            None => self.patterns,
-        };
-        let patterns = match &self.covered {
-            Some(covered) => covered.add_to(patterns)?,
-            None => patterns,
-        };
+        let patterns = drawn_patterns(self.patterns, self.electrodes.as_ref(), self.covered.as_ref())?;
         Ok(Self { patterns, ..self })
     }
 

@@ -190,7 +190,8 @@ impl Stage for EvaluateStage {
         if rows.is_empty() {
             // Checks before the run have found data.
             return Err(refused(InputError::new(NO_ROWS).help(
-                "balance more patterns, of which one in ten is for tests, or add solved samples of other patterns to `needs`",
+                "balance more patterns, of which one in ten is for tests, or add solved samples of other patterns to \
+                 `needs`",
             )));
         }
         Ok(content::evaluation(&predictors, &calibrated, &rows, scene).object())

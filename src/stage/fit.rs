@@ -275,7 +275,8 @@ impl Stage for FitStage {
     }
 
     fn revision(&self) -> u32 {
-        // 1: laws with undetermined parameters are not chosen; 2: nor those with more parameters and about the same AICc.
+        // 1: laws with undetermined parameters are not chosen; 2: nor those with more parameters and about the same
+        // AICc.
         let compares_laws = self.parameters.laws.as_ref().is_none_or(|laws| laws.len() > 1);
         2 * u32::from(self.parameters.free.is_none() && compares_laws)
     }

@@ -4,8 +4,8 @@ use crate::results::breakdown;
 use deaflow_fem::effects::breakdown_strength;
 use deaflow_scene::Scene;
 
-/// Warns of an electric field in a state of a pattern, which has a name, that is close to the breakdown field or exceeds
-/// it.
+/// Warns of an electric field in a state of a pattern, which has a name, that is close to the breakdown field or
+/// exceeds it.
 pub fn warning(scene: &Scene, name: &str, ratio: f64) -> Option<String> {
     let assumed = match breakdown_strength(scene) {
         Some(_) => "",

@@ -251,7 +251,7 @@ impl<'a> Simulation<'a> {
             names,
             notes,
             drawings,
-        } = arguments.patterns.read(scene.form(), arguments.edges)?;
+        } = arguments.patterns.read(scene.form(), arguments.edges.edges)?;
         let notes = scene.geometry.notes().into_iter().chain(notes).collect();
         let parameters = arguments.parameters();
         form.check_patterns(&scene, &patterns, &parameters)?;

@@ -373,8 +373,8 @@ impl Objective {
     /// the force of a side (`{ reaction, direction }`), the area of a region (`{ region, area_strain }`), a volume
     /// (`{ volume }`), several of them (`{ points: [{ point, direction, weight, state
     /// }, …] }`), or a target field (`{ field: FILE.csv }`). In place of a direction a point may have a target
-    /// `displacement: [x, y]` or a `height`, a body a `translation: [x, y]`, a `rotation` or a `height`. Optional keys are
-    /// `measure`, `value` (the target displacement along each direction), `time` and `frequency`.
+    /// `displacement: [x, y]` or a `height`, a body a `translation: [x, y]`, a `rotation` or a `height`. Optional keys
+    /// are `measure`, `value` (the target displacement along each direction), `time` and `frequency`.
     ///
     /// # Errors
     /// If a key is unknown or missing, a value is invalid, or the keys contradict each other.

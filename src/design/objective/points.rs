@@ -1,5 +1,7 @@
 //! Points, bodies, bars, regions and forces of sides in an objective in YAML.
 
+use std::ops::RangeInclusive;
+
 use super::aim::{Aim, BodyMarkers, Motion};
 use super::error::GoalError;
 use super::region::RegionCells;
@@ -12,9 +14,6 @@ use deaflow_scene::{Edge, MOST_BODIES, Scene, Shape, States};
 /// Largest coordinate and displacement in mm.
 pub(super) const MAX_MM: f64 = 1e4;
 
-/// Range of target angles in degrees: rotations are unique up to half a turn.
-const ANGLES: std::ops::RangeInclusive<f64> = -179.0..=179.0;
-
 /// The values of `rotation` for a rotation as far as possible.
 pub(super) const ROTATIONS: [&str; 2] = ["clockwise", "counterclockwise"];
 
@@ -23,12 +22,6 @@ pub(super) const AREAS: [&str; 2] = ["smallest", "largest"];
 
 /// The values of `height` for a height as far as possible.
 pub(super) const HEIGHTS: [&str; 2] = ["down", "up"];
-
-/// Range of target volumes in ml.
-const VOLUMES: std::ops::RangeInclusive<f64> = -1e6..=1e6;
-
-/// Range of target area strains.
-const STRAINS: std::ops::RangeInclusive<f64> = 0.0..=1.0;
 
 /// The keys for the motion of a body.
 const MOTIONS: [&str; 4] = ["direction", "translation", "rotation", "height"];
@@ -156,37 +149,25 @@ pub(super) enum PointOrBody {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct StateName(String);
 
-/// The target rotation of a body.
+/// The target of a scalar quantity.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Rotation {
-    /// As far as possible; true is counterclockwise.
+pub(super) enum ScalarMotion<T> {
+    /// As far as possible; true is counterclockwise, larger or up.
     Farthest(bool),
-    By(Angle),
+    By(T),
 }
+
+/// The target rotation of a body.
+type Rotation = ScalarMotion<Angle>;
 
 /// The target area of a region.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum AreaStrain {
-    /// As far as possible; true is larger.
-    Farthest(bool),
-    By(Decimal),
-}
+type AreaStrain = ScalarMotion<Decimal>;
 
 /// The target height of a point or body.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Height {
-    /// As far as possible; true is up.
-    Farthest(bool),
-    By(Length),
-}
+type Height = ScalarMotion<Length>;
 
 /// The target volume.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum VolumeChange {
-    /// As far as possible; true is larger.
-    Farthest(bool),
-    By(Volume),
-}
+type VolumeChange = ScalarMotion<Volume>;
 
 impl Height {
     fn motion(&self) -> Motion {
@@ -603,118 +584,66 @@ fn neither(error: InputError, words: [&str; 2], others: &str, (node, key): (&Nod
     error.help(format!("allowed: {}, or {others}", words.join(", ")))
 }
 
-impl Parameter for Rotation {
-    type Limits = ();
-    type Literal = bool;
-
-    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
-        match word_of(ROTATIONS, node) {
-            Some(at) => Ok(Self::Farthest(at == 1)),
-            None => Angle::read(node, key, &ANGLES)
-                .map(Self::By)
-                .map_err(|error| neither(error, ROTATIONS, "an angle from -179 deg to 179 deg", (node, key))),
-        }
-    }
-
-    fn canonical(&self) -> Option<Canonical> {
-        match self {
-            Self::Farthest(counterclockwise) => Some(ROTATIONS[usize::from(*counterclockwise)].into()),
-            Self::By(angle) => angle.canonical(),
-        }
-    }
-
-    fn schema((): &()) -> Schema {
-        Schema::any_of([Schema::word(&ROTATIONS), Angle::schema(&ANGLES)])
-    }
-
-    fn literal(counterclockwise: bool) -> Self {
-        Self::Farthest(counterclockwise)
-    }
+/// A quantity without a direction in the plane that an objective changes.
+pub(super) trait Scalar: Parameter<Limits = RangeInclusive<f64>> {
+    /// The words for a change as far as possible, the positive one last.
+    const WORDS: [&'static str; 2];
+    /// The range of targets.
+    const RANGE: RangeInclusive<f64>;
+    /// What is allowed besides the words.
+    const TARGETS: &'static str;
 }
 
-impl Parameter for AreaStrain {
-    type Limits = ();
-    type Literal = bool;
-
-    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
-        match word_of(AREAS, node) {
-            Some(at) => Ok(Self::Farthest(at == 1)),
-            None => Decimal::read(node, key, &STRAINS)
-                .map(Self::By)
-                .map_err(|error| neither(error, AREAS, "a target from 0 % to 100 %", (node, key))),
-        }
-    }
-
-    fn canonical(&self) -> Option<Canonical> {
-        match self {
-            Self::Farthest(larger) => Some(AREAS[usize::from(*larger)].into()),
-            Self::By(strain) => strain.canonical(),
-        }
-    }
-
-    fn schema((): &()) -> Schema {
-        Schema::any_of([Schema::word(&AREAS), Decimal::schema(&STRAINS)])
-    }
-
-    fn literal(larger: bool) -> Self {
-        Self::Farthest(larger)
-    }
+impl Scalar for Angle {
+    const WORDS: [&'static str; 2] = ROTATIONS;
+    // Rotations are unique up to half a turn.
+    const RANGE: RangeInclusive<f64> = -179.0..=179.0;
+    const TARGETS: &'static str = "an angle from -179 deg to 179 deg";
 }
 
-impl Parameter for Height {
-    type Limits = ();
-    type Literal = bool;
-
-    fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
-        match word_of(HEIGHTS, node) {
-            Some(at) => Ok(Self::Farthest(at == 1)),
-            None => Length::read(node, key, &(-MAX_MM..=MAX_MM))
-                .map(Self::By)
-                .map_err(|error| neither(error, HEIGHTS, "a target such as 1.5 mm", (node, key))),
-        }
-    }
-
-    fn canonical(&self) -> Option<Canonical> {
-        match self {
-            Self::Farthest(up) => Some(HEIGHTS[usize::from(*up)].into()),
-            Self::By(height) => height.canonical(),
-        }
-    }
-
-    fn schema((): &()) -> Schema {
-        Schema::any_of([Schema::word(&HEIGHTS), Length::schema(&(-MAX_MM..=MAX_MM))])
-    }
-
-    fn literal(up: bool) -> Self {
-        Self::Farthest(up)
-    }
+impl Scalar for Decimal {
+    const WORDS: [&'static str; 2] = AREAS;
+    const RANGE: RangeInclusive<f64> = 0.0..=1.0;
+    const TARGETS: &'static str = "a target from 0 % to 100 %";
 }
 
-impl Parameter for VolumeChange {
+impl Scalar for Length {
+    const WORDS: [&'static str; 2] = HEIGHTS;
+    const RANGE: RangeInclusive<f64> = -MAX_MM..=MAX_MM;
+    const TARGETS: &'static str = "a target such as 1.5 mm";
+}
+
+impl Scalar for Volume {
+    const WORDS: [&'static str; 2] = AREAS;
+    const RANGE: RangeInclusive<f64> = -1e6..=1e6;
+    const TARGETS: &'static str = "a target such as 0.5 ml";
+}
+
+impl<T: Scalar> Parameter for ScalarMotion<T> {
     type Limits = ();
     type Literal = bool;
 
     fn read(node: &Node, key: &str, (): &()) -> Result<Self, InputError> {
-        match word_of(AREAS, node) {
+        match word_of(T::WORDS, node) {
             Some(at) => Ok(Self::Farthest(at == 1)),
-            None => Volume::read(node, key, &VOLUMES)
+            None => T::read(node, key, &T::RANGE)
                 .map(Self::By)
-                .map_err(|error| neither(error, AREAS, "a target such as 0.5 ml", (node, key))),
+                .map_err(|error| neither(error, T::WORDS, T::TARGETS, (node, key))),
         }
     }
 
     fn canonical(&self) -> Option<Canonical> {
         match self {
-            Self::Farthest(larger) => Some(AREAS[usize::from(*larger)].into()),
-            Self::By(volume) => volume.canonical(),
+            Self::Farthest(positive) => Some(T::WORDS[usize::from(*positive)].into()),
+            Self::By(target) => target.canonical(),
         }
     }
 
     fn schema((): &()) -> Schema {
-        Schema::any_of([Schema::word(&AREAS), Volume::schema(&VOLUMES)])
+        Schema::any_of([Schema::word(&T::WORDS), T::schema(&T::RANGE)])
     }
 
-    fn literal(larger: bool) -> Self {
-        Self::Farthest(larger)
+    fn literal(positive: bool) -> Self {
+        Self::Farthest(positive)
     }
 }

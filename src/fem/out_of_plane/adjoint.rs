@@ -3,8 +3,7 @@
 //! With F(x, S) − p b(x) = 0 and a functional J(x), dJ/dS = −ψ · ∂F/∂S, where Kψ = ∂J/∂x with the tangent K at the
 //! pressure. At a given volume, changes of x do not change it: Kψ + ηb = ∂J/∂x with b · ψ = 0.
 
-use super::goals::Goals;
-use super::inflation::{Failure, Found, Given, InflationSolver, STIFF, Search, State, combined};
+use super::inflation::{Failure, Found, Given, InflationSolver, Search, State, combined};
 use super::system::{End, System};
 use crate::effects::WithMaterial;
 use crate::eigenvalue::{add, dot};
@@ -77,17 +76,7 @@ impl<L: Material> Search<'_, L> {
         let (at, pressed, image) = self.pressed_at(&state.x)?;
         let mut load = slope(&pressed);
         self.surface.restrict(&at.poses, &mut load);
-        let system = System {
-            at: &at,
-            pressure: state.pressure,
-            pressed: &pressed,
-            rho: match self.given {
-                Given::Pressure => 0.0,
-                Given::Volume => STIFF / dot(&pressed, &image),
-            },
-            image: &image,
-            goals: Goals::EQUAL,
-        };
+        let system = System::of(self.given, &at, state.pressure, [&pressed, &image]);
         let mut adjoint = self.solved(&system, &load)?;
         if self.given == Given::Volume {
             let along = self.solved(&system, &pressed)?;

@@ -569,17 +569,7 @@ impl<L: Material> Search<'_, L> {
         }
         // A volume holds one motion.
         let (at, pressed, image) = self.pressed_at(&state.x)?;
-        self.probe(&System {
-            at: &at,
-            pressure: 0.0,
-            pressed: &pressed,
-            rho: match self.given {
-                Given::Pressure => 0.0,
-                Given::Volume => STIFF / dot(&pressed, &image),
-            },
-            image: &image,
-            goals: Goals::EQUAL,
-        })
+        self.probe(&System::of(self.given, &at, 0.0, [&pressed, &image]))
     }
 
     /// Returns the tangent at a state, b, and its image by the preconditioner.
@@ -738,14 +728,7 @@ impl<L: Material> Search<'_, L> {
     /// Returns dp/dVol along the equilibria through a state, and the change of the state with the volume.
     pub fn per_volume(&mut self, state: &State) -> Result<(f64, Vec<f64>), Failure> {
         let (at, pressed, image) = self.pressed_at(&state.x)?;
-        let system = System {
-            at: &at,
-            pressure: state.pressure,
-            pressed: &pressed,
-            rho: STIFF / dot(&pressed, &image),
-            image: &image,
-            goals: Goals::EQUAL,
-        };
+        let system = System::of(Given::Volume, &at, state.pressure, [&pressed, &image]);
         let (along, end) = self.solve(&system, &pressed, ALONG)?;
         if end != End::Solved {
             return Err(Failure::Lost);

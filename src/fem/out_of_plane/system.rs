@@ -3,7 +3,7 @@
 use deaflow_base::{Stream, is_interrupted};
 
 use super::goals::Goals;
-use super::inflation::{Failure, Search};
+use super::inflation::{Failure, Given, STIFF, Search};
 use super::surface::Linearised;
 use crate::eigenvalue::{add, dot};
 use crate::material::Material;
@@ -24,6 +24,23 @@ pub(super) struct System<'a> {
     pub image: &'a [f64],
     pub rho: f64,
     pub goals: Goals,
+}
+
+impl<'a> System<'a> {
+    /// Returns the system of a state at a pressure with b and its image. ρ is zero unless a volume is given.
+    pub fn of(given: Given, at: &'a Linearised, pressure: f64, [pressed, image]: [&'a [f64]; 2]) -> Self {
+        Self {
+            at,
+            pressure,
+            pressed,
+            image,
+            rho: match given {
+                Given::Pressure => 0.0,
+                Given::Volume => STIFF / dot(pressed, image),
+            },
+            goals: Goals::EQUAL,
+        }
+    }
 }
 
 /// How conjugate gradients ended.

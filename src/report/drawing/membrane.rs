@@ -442,14 +442,7 @@ impl DeformedMembrane {
             .heights
             .iter()
             .fold(0.0, |highest: f64, height| highest.max(height.abs()));
-        let factors = [100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0];
-        let room = HIGHEST * self.background.side();
-        (highest > 0.0).then(|| {
-            factors
-                .into_iter()
-                .find(|factor| factor * highest <= room)
-                .unwrap_or(1.0)
-        })
+        (highest > 0.0).then(|| enlargement(highest / self.background.side(), HIGHEST))
     }
 
     /// Draws the electrode and the grid from the side and above, true to scale but for heights, and returns the view.
@@ -473,7 +466,8 @@ impl DeformedMembrane {
             // What is in front covers what is behind.
             g stroke="none" shape-rendering="crispEdges" {
                 @for (group, cells) in self.rows_from_behind(seen) {
-                    path class="moved" style=(format!("stroke:none;fill-opacity:{:.2}", self.opacity(group))) d=(cells) {}
+                    @let opacity = opacity(usize::from(group), self.pattern.groups());
+                    path class="moved" style=(format!("stroke:none;fill-opacity:{opacity:.2}")) d=(cells) {}
                 }
             }
             path class="mesh" d=(grid) {}
@@ -502,11 +496,6 @@ impl DeformedMembrane {
         found
     }
 
-    /// Returns the opacity of a group.
-    fn opacity(&self, group: u8) -> f64 {
-        opacity(usize::from(group), self.pattern.groups())
-    }
-
     fn moved(&self, corner: [f64; 2], scale: f64) -> (f64, f64) {
         let u = self.displacement.at(corner);
         let at = self.background.in_mm(corner);
@@ -521,8 +510,16 @@ pub fn exaggeration<'m>(membranes: impl IntoIterator<Item = &'m DeformedMembrane
         .into_iter()
         .map(|m| m.largest() / m.background.side())
         .fold(0.0, f64::max);
+    enlargement(largest, FARTHEST)
+}
+
+/// Returns the largest of some factors that keeps a share of the side below another one; 1 if none does.
+fn enlargement(largest: f64, room: f64) -> f64 {
     let factors = [100.0, 50.0, 20.0, 10.0, 5.0, 2.0];
-    factors.into_iter().find(|f| f * largest <= FARTHEST).unwrap_or(1.0)
+    factors
+        .into_iter()
+        .find(|factor| factor * largest <= room)
+        .unwrap_or(1.0)
 }
 
 /// Draws an arrow from a point in mm in a direction in degrees, counterclockwise from the x axis, `length` thousandths
