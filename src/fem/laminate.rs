@@ -24,7 +24,7 @@
 //! A null Lagrangian drops out: it is affine along a⊗n, and its stress has no jump across the edge.
 
 use super::coverage::Laminate;
-use super::energy::Margins;
+use super::energy::{MODULI, Margins, tangent_from};
 use super::kinematics::{Tensor, add_scaled, deformation};
 use super::material::Material;
 
@@ -69,12 +69,18 @@ impl Laminate {
         apply(self.jump_of_stress(material, layers), self.normal)
     }
 
+    fn points(&self, material: &impl Material, layers: &Layers) -> [Point; 2] {
+        [
+            Point::new(material, layers.covered, self.load),
+            Point::new(material, layers.bare, 0.0),
+        ]
+    }
+
     /// Returns K, if it is positive definite.
-    fn stiffness(&self, material: &impl Material, layers: &Layers) -> Option<Tensor<f64>> {
+    fn stiffness(&self, [covered, bare]: &[Point; 2]) -> Option<Tensor<f64>> {
         let along = [dyad([1.0, 0.0], self.normal), dyad([0.0, 1.0], self.normal)];
         let columns = along.map(|along| {
-            let covered = apply(material.tangent(layers.covered, self.load, along), self.normal);
-            let bare = apply(material.tangent(layers.bare, 0.0, along), self.normal);
+            let [covered, bare] = [covered, bare].map(|point| apply(point.tangent(along), self.normal));
             [0, 1].map(|i| (1.0 - self.share) * covered[i] + self.share * bare[i])
         });
         let shear = 0.5 * (columns[0][1] + columns[1][0]);
@@ -90,7 +96,7 @@ impl Laminate {
         let mut layers = Some(self.layers_at(gradient, [0.0; 2])).filter(is_admissible)?;
         let mut traction = self.traction(material, &layers);
         for _ in 0..MOST_STEPS {
-            let stiffness = self.stiffness(material, &layers)?;
+            let stiffness = self.stiffness(&self.points(material, &layers))?;
             let step = divide(traction, stiffness);
             let at = |length: f64| {
                 let jump = [0, 1].map(|i| layers.jump[i] - length * step[i]);
@@ -131,10 +137,12 @@ impl Laminate {
 
     /// Returns the tangents of the layers; `None` if K is not positive definite.
     fn tangents(&self, material: &impl Material, layers: &Layers) -> Option<Tangents> {
+        let points = self.points(material, layers);
+        let [covered, bare] = points.each_ref().map(Point::matrix);
         Some(Tangents {
-            stiffness: self.stiffness(material, layers)?,
-            covered: matrix(material, layers.covered, self.load),
-            bare: matrix(material, layers.bare, 0.0),
+            stiffness: self.stiffness(&points)?,
+            covered,
+            bare,
         })
     }
 
@@ -155,7 +163,7 @@ impl Laminate {
     pub fn excess_moduli(&self, material: &impl Material, gradient: Tensor<f64>) -> Option<[f64; LAMINATE_MODULI]> {
         let layers = self.layers(material, gradient)?;
         let moduli = self.moduli(material, &layers)?;
-        let linear = matrix(material, gradient, self.share * self.load);
+        let linear = Point::new(material, gradient, self.share * self.load).matrix();
         let mut excess = [0.0; LAMINATE_MODULI];
         let pairs = (0..4).flat_map(|r| (r..4).map(move |c| (r, c)));
         for (excess, (r, c)) in excess.iter_mut().zip(pairs) {
@@ -296,14 +304,33 @@ fn smallest_acoustic(moduli: &Moduli) -> f64 {
     at(least).min(at(0.5 * (low + high)))
 }
 
-/// Returns the moduli of a material.
-fn matrix(material: &impl Material, gradient: Tensor<f64>, active: f64) -> Moduli {
-    let columns: [[f64; 4]; 4] = std::array::from_fn(|c| {
-        let mut unit = [[0.0; 2]; 2];
-        unit[c / 2][c % 2] = 1.0;
-        entries(material.tangent(gradient, active, unit))
-    });
-    std::array::from_fn(|r| std::array::from_fn(|c| columns[c][r]))
+/// A deformation with the moduli of a material there. They are evaluated once for all directions.
+struct Point {
+    gradient: Tensor<f64>,
+    moduli: [f64; MODULI],
+}
+
+impl Point {
+    fn new(material: &impl Material, gradient: Tensor<f64>, active: f64) -> Self {
+        Self {
+            gradient,
+            moduli: material.moduli(gradient, active),
+        }
+    }
+
+    fn tangent(&self, along: Tensor<f64>) -> Tensor<f64> {
+        tangent_from(self.gradient, self.moduli, along)
+    }
+
+    /// Returns the tangent as a matrix.
+    fn matrix(&self) -> Moduli {
+        let columns: [[f64; 4]; 4] = std::array::from_fn(|c| {
+            let mut unit = [[0.0; 2]; 2];
+            unit[c / 2][c % 2] = 1.0;
+            entries(self.tangent(unit))
+        });
+        std::array::from_fn(|r| std::array::from_fn(|c| columns[c][r]))
+    }
 }
 
 fn entries([[a, b], [c, d]]: Tensor<f64>) -> [f64; 4] {

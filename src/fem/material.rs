@@ -5,7 +5,7 @@
 //! once and not per material. Its calls are whole passes over the elements, or single points where these are few.
 
 use crate::activity::Activity;
-use crate::energy::{Margins, MaterialPoint};
+use crate::energy::{MODULI, Margins, MaterialPoint};
 use crate::kernels::{Kernels, MaterialAtRest};
 use crate::kinematics::{self, Tensor};
 use crate::precision::Precision;
@@ -31,6 +31,8 @@ pub trait Material: Passes<f64> + Passes<f32> + Sync {
     fn stress(&self, gradient: Tensor<f64>, active: f64) -> Tensor<f64>;
     /// [`MaterialPoint::tangent`].
     fn tangent(&self, gradient: Tensor<f64>, active: f64, df: Tensor<f64>) -> Tensor<f64>;
+    /// [`MaterialPoint::moduli`].
+    fn moduli(&self, gradient: Tensor<f64>, active: f64) -> [f64; MODULI];
     /// [`MaterialPoint::admissible`].
     fn admissible(&self, gradient: Tensor<f64>) -> f64;
     /// [`MaterialPoint::margins`].
@@ -121,6 +123,10 @@ impl<L: MaterialPoint> Material for L {
 
     fn tangent(&self, gradient: Tensor<f64>, active: f64, df: Tensor<f64>) -> Tensor<f64> {
         MaterialPoint::tangent(self, gradient, active, df)
+    }
+
+    fn moduli(&self, gradient: Tensor<f64>, active: f64) -> [f64; MODULI] {
+        MaterialPoint::moduli(self, gradient, active)
     }
 
     fn admissible(&self, gradient: Tensor<f64>) -> f64 {
@@ -238,6 +244,10 @@ impl Material for AnyMaterial {
 
     fn tangent(&self, gradient: Tensor<f64>, active: f64, df: Tensor<f64>) -> Tensor<f64> {
         self.0.tangent(gradient, active, df)
+    }
+
+    fn moduli(&self, gradient: Tensor<f64>, active: f64) -> [f64; MODULI] {
+        self.0.moduli(gradient, active)
     }
 
     fn admissible(&self, gradient: Tensor<f64>) -> f64 {
