@@ -72,12 +72,16 @@ impl Effect for DielectricBreakdown {
             return open(Verdict::Unknown, "no patterns".to_owned());
         };
         let unstable = |one: &Examined| !one.outcome.is_converged();
-        let state = if unstable(worst) { ", at rest" } else { "" };
+        let state = if unstable(worst) { ", at rest," } else { "" };
+        let reaches = match worst.field > 1.0 {
+            true => "exceeds the breakdown field",
+            false => "is close to the breakdown field",
+        };
         let known = Significance::known(
             quantity,
             worst.field,
             Breakdown::NEAR,
-            format!("the field is largest for `{}`{state}", worst.pattern),
+            format!("the electric field of `{}`{state} {reaches}", worst.pattern),
         );
         // An unstable membrane gets thinner, so the field at rest is a lower bound.
         let Some(one) = solutions.examined.iter().find(|one| unstable(one)) else {
