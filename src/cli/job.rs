@@ -20,6 +20,8 @@ pub struct Job<'a> {
     /// The HDF5 file to write, if any.
     file: Option<&'a Path>,
     start: Instant,
+    /// A figure that was drawn, if any.
+    pub figure: Option<PathBuf>,
     /// Its progress bar.
     pub bar: Bar,
 }
@@ -69,6 +71,7 @@ impl<'a> Job<'a> {
             command,
             file,
             start: Instant::now(),
+            figure: None,
             bar: Bar::new(name, "patterns", steps as u64),
         }
     }
@@ -105,6 +108,10 @@ impl<'a> Job<'a> {
                 files.extend(figure.iter().map(|figure| figure.display().to_string()));
                 extend(&mut document, json!({ "table": table, "figure": figure }));
             }
+        }
+        if let Some(figure) = self.figure {
+            files.push(figure.display().to_string());
+            extend(&mut document, json!({ "figure": figure }));
         }
         extend(&mut document, result.document);
         let text = || {

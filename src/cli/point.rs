@@ -31,7 +31,7 @@ pub const FROM_MOUNT: &str = " from the mount";
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
     /// In mm from the lower left corner.
-    point_mm: [f64; 2],
+    pub point_mm: [f64; 2],
     /// In degrees from the x axis; none for the magnitude of the displacement.
     degrees: Option<f64>,
     cell_mm: [f64; 2],

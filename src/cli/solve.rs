@@ -6,6 +6,7 @@ mod breakdown;
 mod cells;
 mod equilibria;
 mod equilibrium;
+mod figure;
 mod history;
 mod inflation;
 mod inflation_path;
@@ -49,6 +50,7 @@ const METHOD: &str = "Method";
 #[command(after_help = examples!(
     "deaflow solve scene.yaml mine.csv -o simulated.h5",
     "deaflow solve scene.yaml mine.csv --accuracy \"0.005 mm\" -o simulated.h5",
+    "deaflow solve scene.yaml mine.csv --figure moved.png",
 ))]
 pub struct SolveArguments {
     /// The scene: a YAML file of a scene, or of a pipeline that has one
@@ -106,6 +108,9 @@ pub struct SolveArguments {
     pub no_checks: bool,
     #[command(flatten)]
     pub time: TimeArguments,
+    /// Draw the patterns with their displacements, at most six; an existing file is replaced
+    #[arg(long, value_name = "OUT.png", conflicts_with_all = ["path", "history", "modes", "response"])]
+    figure: Option<PathBuf>,
     /// Also write stretches, electric field, stresses and tension state of every cell
     #[arg(long, conflicts_with_all = ["accuracy", "path"])]
     pub cells: bool,
@@ -209,6 +214,10 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
         write::check_output(file, &arguments.inputs())?;
     }
     arguments.patterns.check_ending()?;
+    if let Some(file) = &arguments.figure {
+        write::check_png(file)?;
+        write::check_output(file, &arguments.inputs())?;
+    }
     check_options(arguments)?;
     if let Some(parameter) = arguments.path {
         path::execute(arguments, parameter, output)

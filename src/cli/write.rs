@@ -101,6 +101,18 @@ pub fn check_csv(path: &Path) -> Result<(), CliError> {
     check_file(&csv_metadata_file(path))
 }
 
+/// Refuses the file of a figure that has no extension of PNG.
+///
+/// # Errors
+/// When it has another one, or none.
+pub fn check_png(path: &Path) -> Result<(), CliError> {
+    if path.extension().is_some_and(|end| end.eq_ignore_ascii_case("png")) {
+        return Ok(());
+    }
+    let message = format!("a figure is written as PNG, and {} is no PNG file", path.display());
+    Err(CliError::bad_input(message).help(format!("name it {}", path.with_extension("png").display())))
+}
+
 /// Checks that a file can be written, before the work starts.
 ///
 /// # Errors
@@ -148,7 +160,7 @@ pub fn check_not_read(path: &Path, inputs: &[impl AsRef<str>]) -> Result<(), Cli
     match files.any(|file| is_same_file(&file, path)) {
         true => Err(
             CliError::bad_input(format!("{} is an input: it would be overwritten", path.display()))
-                .help("name another file with -o"),
+                .help("name another file"),
         ),
         false => Ok(()),
     }

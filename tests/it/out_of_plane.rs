@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::common::{Ended, Workspace};
+use super::common::{Ended, Workspace, size_of_png};
 
 const SCENE: &str = "geometry: { side: 50 mm, thickness: 1 mm, prestretch: 3, cells: 10 }
 material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
@@ -40,6 +40,23 @@ fn column(workspace: &Workspace, path: &str) -> Vec<f64> {
 
 fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value}"))
+}
+
+#[test]
+fn a_figure_also_shows_the_membrane_from_the_side() {
+    let workspace = workspace();
+    let width = |more: &[&str]| {
+        let ended = solve(&workspace, &[&["--figure", "moved.png"], more].concat());
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        assert!(
+            ended.stdout.contains("out.h5, moved.png: 1 pattern"),
+            "{}",
+            ended.stdout
+        );
+        size_of_png(&std::fs::read(workspace.path("moved.png")).unwrap())[0]
+    };
+    let in_plane = width(&[]);
+    assert!(width(&["--set", "loads={ pressure: 500 Pa }"]) > in_plane + 300);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use super::common::{Transcript, Workspace, csv, snapshot};
+use super::common::{Transcript, Workspace, csv, size_of_png, snapshot};
 
 const SCENE: &str = "geometry: { side: 50 mm, thickness: 1.0 mm, prestretch: 3.0, cells: 50 }
 material: { model: neo-hookean, shear_modulus: 45 kPa, relative_permittivity: 4.7 }
@@ -285,6 +285,56 @@ fn a_path_finds_the_voltage_at_which_stability_is_lost() {
         solve(&[&path[..], &["-o", "x.h5", "--accuracy", "1 mm"]].concat()).code,
         Some(2)
     );
+}
+
+#[test]
+fn a_figure_has_a_row_for_each_pattern_with_a_stable_solution() {
+    let workspace = workspace("5 kV");
+    workspace.write("half.csv", &csv(|x, _| x < 25));
+    workspace.write("none.csv", &csv(|_, _| false));
+    let draw = |patterns: &[&str], file: &str| {
+        let options = ["--no-checks", "--json", "--figure", file];
+        workspace.run(&[&["solve", "scene.yaml"], patterns, &options[..]].concat())
+    };
+    let height = |patterns: &[&str]| {
+        let ended = draw(patterns, "moved.png");
+        assert_eq!(
+            (ended.code, &ended.json()["figure"]),
+            (Some(0), &"moved.png".into()),
+            "{}",
+            ended.stderr
+        );
+        size_of_png(&std::fs::read(workspace.path("moved.png")).unwrap())[1]
+    };
+    let one = height(&["half.csv"]);
+    // Heights are whole pixels.
+    assert!(height(&["half.csv", "none.csv"]).abs_diff(2 * one) <= 2);
+    assert!(height(&["half.csv"; 8]).abs_diff(6 * one) <= 6);
+    for (file, part) in [
+        ("moved.svg", "name it moved.png"),
+        ("moved.png", "moved.png is an input"),
+    ] {
+        let ended = draw(&["half.csv", "moved.png"], file);
+        assert_eq!(ended.code, Some(2), "{}", ended.stderr);
+        assert!(ended.stderr.contains(part), "{}", ended.stderr);
+    }
+    let ended = workspace.run(&[
+        "solve",
+        "scene.yaml",
+        "half.csv",
+        "--voltage",
+        "9 kV",
+        "--figure",
+        "lost.png",
+    ]);
+    assert!(
+        ended
+            .stderr
+            .contains("there is no figure lost.png: cannot draw the figure: no pattern has a stable solution"),
+        "{}",
+        ended.stderr
+    );
+    assert!(!workspace.path("lost.png").exists());
 }
 
 #[test]

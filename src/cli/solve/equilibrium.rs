@@ -3,8 +3,9 @@
 use serde_json::json;
 
 use super::equilibria::{Equilibria, SolveRequest, Solved, StateRun};
+use super::figure::Membrane;
 use super::simulation::{Form, Simulation, States};
-use super::{SolveArguments, inflation};
+use super::{SolveArguments, figure, inflation};
 use crate::job::JobResult;
 use crate::point::Probe;
 use crate::results::{AccuracyResult, CriticalBracket, Peak, SampleId, SampleResult, document, remarks, text};
@@ -76,6 +77,16 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
     }
     let mut found = document(&results, simulation.patterns.len(), probe.as_ref());
     found["checks"] = json!(!arguments.no_checks);
+    let drawn = solved.samples().zip(solved.fields());
+    let drawn: Vec<Membrane<'_>> = drawn
+        .map(|((index, run), displacement)| Membrane {
+            index,
+            state: run.state.clone(),
+            displacement,
+            heights: None,
+        })
+        .collect();
+    let figure = figure::draw(&simulation, &drawn, probe.as_ref(), output);
     let is_unstable = results.iter().any(|result| result.failure.is_some());
     let result = JobResult {
         patterns: simulation.patterns.len(),
@@ -87,7 +98,7 @@ pub fn execute(arguments: &SolveArguments, output: &Output) -> Result<Exit, CliE
         text: report,
         exit: if is_unstable { Exit::Unstable } else { Exit::Done },
     };
-    simulation.finish(result, output)
+    simulation.with_figure(figure).finish(result, output)
 }
 
 fn results(simulation: &Simulation<'_>, solved: &Solved<'_>, probe: Option<Probe>) -> Vec<SampleResult> {

@@ -3,6 +3,7 @@
 
 use serde_json::{Value, json};
 
+use super::figure::{self, Membrane};
 use super::simulation::{Computation, PatternSolver, Simulation};
 use super::{SolveArguments, breakdown};
 use crate::job::{JobResult, extend};
@@ -34,6 +35,13 @@ pub fn execute(simulation: Simulation<'_>, output: &Output) -> Result<Exit, CliE
     let unstable = found.iter().filter(|one| !is_stable(one)).count();
     let peaks = found.iter().map(|one| Peak::of(&one.displacement, &one.heights));
     let peaks: Vec<Peak> = peaks.collect();
+    let drawn = found.iter().enumerate().map(|(index, one)| Membrane {
+        index,
+        state: None,
+        displacement: is_stable(one).then_some(&one.displacement),
+        heights: Some(&one.heights),
+    });
+    let figure = figure::draw(&simulation, &drawn.collect::<Vec<_>>(), None, output);
     let result = JobResult {
         patterns: found.len(),
         arrays: content.object(),
@@ -47,7 +55,7 @@ pub fn execute(simulation: Simulation<'_>, output: &Output) -> Result<Exit, CliE
         text: text(&found, &peaks, &scene),
         exit: if unstable > 0 { Exit::Unstable } else { Exit::Done },
     };
-    simulation.finish(result, output)
+    simulation.with_figure(figure).finish(result, output)
 }
 
 /// The equilibria of patterns in space.

@@ -2,6 +2,7 @@
 //! What they compute needs a [`Computation`] alone, which the Python package makes from arrays.
 
 use std::borrow::Cow;
+use std::path::PathBuf;
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -298,6 +299,12 @@ impl<'a> Simulation<'a> {
     /// The scene, the solver and what is computed, for the provenance.
     pub fn described(&self, what: &str) -> String {
         format!("{}, {}{what}", self.arguments.described(), self.parameters)
+    }
+
+    /// Adds a figure that was drawn.
+    pub fn with_figure(mut self, figure: Option<PathBuf>) -> Self {
+        self.job.figure = figure;
+        self
     }
 
     /// Writes the files and prints the report.

@@ -436,12 +436,18 @@ impl DeformedMembrane {
         }
     }
 
+    /// Returns the height with the largest magnitude in mm; 0 of a membrane in its plane.
+    pub fn highest(&self) -> f64 {
+        let heights = self.heights.iter().copied();
+        heights.fold(0.0, |highest, height| match height.abs() > f64::abs(highest) {
+            true => height,
+            false => highest,
+        })
+    }
+
     /// Returns the factor of the heights in [`Self::from_the_side`]; `None` of a membrane in its plane.
     pub fn height_scale(&self) -> Option<f64> {
-        let highest = self
-            .heights
-            .iter()
-            .fold(0.0, |highest: f64, height| highest.max(height.abs()));
+        let highest = self.highest().abs();
         (highest > 0.0).then(|| enlargement(highest / self.background.side(), HIGHEST))
     }
 

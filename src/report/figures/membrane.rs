@@ -9,12 +9,58 @@ use crate::format::mm;
 const SIDE: f64 = 356.4;
 const BAR: f64 = 24.0;
 
+/// Height of the title and the note above a drawing without axes.
+const HEAD: f64 = 46.0;
+
 /// The smallest width and height of a frame, fractions of the longer side, because of the ticks.
 const SMALLEST: [f64; 2] = [0.2, 0.25];
 
 /// Draws the electrode at rest and deformed, and the magnitude of the displacement.
 pub fn membrane_sheet(title: &str, data: &DeformedMembrane) -> Sheet {
-    let scale = exaggeration([data]);
+    on_a_row(title, data, exaggeration([data]))
+}
+
+/// Draws membranes one below the other, with the same exaggeration; also from the side if they leave their plane.
+pub fn membranes_sheet(membranes: &[(String, DeformedMembrane)]) -> Sheet {
+    let scale = exaggeration(membranes.iter().map(|(_, data)| data));
+    let row = |(title, data): &(String, DeformedMembrane)| {
+        let drawn = std::iter::once(on_a_row(title, data, scale)).chain(from_the_side(data));
+        Sheet::grid(2, drawn.collect())
+    };
+    Sheet::below(membranes.iter().map(row).collect())
+}
+
+/// Draws a membrane from the side; `None` of one in its plane.
+fn from_the_side(data: &DeformedMembrane) -> Option<Sheet> {
+    let scale = data.height_scale()?;
+    let (drawn, [left, top, width, height]) = data.from_the_side(scale);
+    let factor = SIDE / width;
+    let place = format!(
+        "translate(0 {HEAD}) scale({factor:.4}) translate({:.1} {:.1})",
+        -left, -top
+    );
+    let note = format!("highest {} mm, heights {}", mm(data.highest()), times(scale));
+    Some(Sheet {
+        size: [SIDE, HEAD + factor * height],
+        markup: html! {
+            g.chart {
+                text class="title" x="0" y="20" { "From the side" }
+                text x="0" y="37" { (note) }
+                g.membrane transform=(place) { (drawn) }
+            }
+        },
+    })
+}
+
+/// Says by what factor something is drawn larger.
+fn times(scale: f64) -> String {
+    match scale > 1.0 {
+        true => format!("×{scale:.0}"),
+        false => "true to scale".to_owned(),
+    }
+}
+
+fn on_a_row(title: &str, data: &DeformedMembrane, scale: f64) -> Sheet {
     let charts = [
         electrode(title, data, scale, SIDE),
         magnitude(data, scale),
@@ -25,11 +71,7 @@ pub fn membrane_sheet(title: &str, data: &DeformedMembrane) -> Sheet {
 
 /// Draws the deformed electrode with its outline at rest, and the displacements of the points of the objective.
 pub(super) fn electrode(title: &str, data: &DeformedMembrane, scale: f64, side: f64) -> Chart {
-    let factor = if scale > 1.0 {
-        format!("displacements ×{scale:.0}")
-    } else {
-        "true to scale".into()
-    };
+    let factor = if scale > 1.0 { "displacements " } else { "" }.to_owned() + &times(scale);
     // There is no space for both.
     let grey = match data.background().sides() {
         None => "grey: at rest",

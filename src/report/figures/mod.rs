@@ -39,7 +39,7 @@ pub use front::{FrontAxis, FrontDesign, FrontFigure, front_sheet};
 pub use histogram::Histogram;
 pub use history::{Motion, histories_sheet};
 pub use measured::{MeasuredFigure, measured_charts, measured_sheet};
-pub use membrane::membrane_sheet;
+pub use membrane::{membrane_sheet, membranes_sheet};
 pub use path::{Branch, FirstFailure, Limit, PathAxes, paths_sheet};
 pub use response::{Response, responses_sheet};
 pub use rounds::{Round, rounds_sheet};

@@ -287,6 +287,12 @@ pub fn files(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
+/// Width and height of a picture in PNG, in pixels.
+pub fn size_of_png(file: &[u8]) -> [u32; 2] {
+    assert!(file.starts_with(b"\x89PNG"));
+    [16, 20].map(|at| u32::from_be_bytes(file[at..at + 4].try_into().unwrap()))
+}
+
 /// A pattern of 50 × 50 cells as a table: a row of `0` and `1` a line.
 pub fn csv(active: impl Fn(usize, usize) -> bool) -> String {
     csv_of(50, active)
