@@ -353,7 +353,11 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Resu
         };
         let own_scene = entry.node.peek(sweep::SWEPT_SCENE).filter(|_| swept);
         let node = without_scene(entry, swept);
-        let stage = entry.kind.read(&node, own_scene.or(scene))?;
+        let read = entry.kind.read(&node, own_scene.or(scene));
+        let stage = match (own_scene, scene) {
+            (None, Some(scene)) if !entry.kind.reads_scene() => read.map_err(|error| drawn_once(error, scene)),
+            _ => read,
+        }?;
         stages.push(Some(StageSpec {
             name: entry.name.to_owned(),
             kind: entry.kind,
@@ -379,6 +383,18 @@ fn read_stages(entries: &[Entry<'_>], scene: Option<&Node>, swept: bool) -> Resu
     check_pieces(&stages, &order, entries)?;
     check_samples(&stages, &order, entries)?;
     Ok(stages)
+}
+
+/// Adds to an error what can be swept, if an axis of the scene stands where patterns need a value.
+fn drawn_once(error: InputError, scene: &Node) -> InputError {
+    let mut axes = sweep::axes_in(scene).into_iter();
+    match axes.any(|axis| error.to_string().contains(&format!("${{{axis}}}"))) {
+        true => error.help(
+            "patterns are drawn once for all values of an axis, so sides, cells, frame and bodies cannot be swept with \
+             a `sample` or `patterns` stage: `run --set` builds one value after the other",
+        ),
+        false => error,
+    }
 }
 
 /// Checks each stage, in the order of the file.

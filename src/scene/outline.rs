@@ -59,8 +59,11 @@ impl Outline {
     /// # Errors
     /// When the geometry is invalid.
     pub fn free_cells(scene: &Node) -> Result<Option<Bits>, InputError> {
-        let node = scene.fields(WHAT, &SECTIONS)?.required(WHAT, "geometry")?;
-        let parts = Geometry::read_with(node, &[])?.parts();
+        let node = geometry(scene)?;
+        if ["frame", "bodies"].iter().all(|key| node.peek(key).is_none()) {
+            return Ok(None);
+        }
+        let parts = Geometry::read_with(&node, &[])?.parts();
         Ok(parts.map(|parts| parts.free_cells()))
     }
 
@@ -70,8 +73,10 @@ impl Outline {
     /// When the geometry is invalid.
     pub fn actual_form(scene: &Node) -> Result<PatternForm, InputError> {
         let groups = Self::read(scene)?.groups;
-        let node = scene.fields(WHAT, &SECTIONS)?.required(WHAT, "geometry")?;
-        Ok(PatternForm::on(&Geometry::read_with(node, &[])?.membrane(), groups))
+        Ok(PatternForm::on(
+            &Geometry::read_with(&geometry(scene)?, &[])?.membrane(),
+            groups,
+        ))
     }
 
     /// Returns the form of patterns on the device.
@@ -93,6 +98,24 @@ impl Scene {
             groups: self.groups(),
         }
     }
+}
+
+/// Returns the geometry of a scene. Patterns do not depend on thickness and prestretch, so that axes of a sweep may stand
+/// there; any value takes their place.
+fn geometry(scene: &Node) -> Result<Node, InputError> {
+    let mut geometry = scene.fields(WHAT, &SECTIONS)?.required(WHAT, "geometry")?.clone();
+    let any = [
+        ("thickness", NodeValue::Text("1 mm".to_owned())),
+        ("prestretch", NodeValue::Number("1".to_owned())),
+    ];
+    for (key, value) in any {
+        let is_axis = |node: &&Node| matches!(node.value(), NodeValue::Text(text) if text.contains("${"));
+        if let Some(node) = geometry.peek(key).filter(is_axis) {
+            let any = node.with_value(value);
+            geometry.put(key, any);
+        }
+    }
+    Ok(geometry)
 }
 
 /// Returns the number of electrode groups of a scene whose drive or first state has not been checked.

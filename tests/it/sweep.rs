@@ -37,6 +37,47 @@ fn built(workspace: &Workspace, arguments: &[&str]) -> Vec<String> {
 }
 
 #[test]
+fn thickness_and_prestretch_are_swept_with_patterns_that_are_drawn_once() {
+    let workspace = Workspace::new();
+    let frame = ", frame: { opening: { disc: { centre: [25 mm, 25 mm], radius: 20 mm } } } }";
+    for geometry in [" }", frame] {
+        let scene = SWEEP.replace(" cells: 50 }", &format!(" cells: 20{geometry}"));
+        let scene = scene
+            .replace("${voltage}", "2 kV")
+            .replace("foreach: { voltage: [3 kV, 4 kV] }, ", "")
+            .replace("voltage, area", "area")
+            .replace(
+                "x: voltage, y: max_displacement, series: area",
+                "x: area, y: max_displacement",
+            );
+        workspace.write("plain.yaml", &scene);
+        let sweep = |set: &str| {
+            let more = [
+                "--set",
+                set,
+                "--until",
+                "solved",
+                "--table",
+                "solved.max_displacement",
+                "--json",
+            ];
+            workspace.run(&[&["sweep", "plain.yaml"][..], &more].concat())
+        };
+        for set in [
+            "scene.geometry.prestretch=2, 3",
+            "scene.geometry.thickness=0.5 mm, 1 mm",
+        ] {
+            let ended = sweep(set);
+            assert_eq!(ended.code, Some(0), "{set}: {}", ended.stderr);
+            assert_eq!(ended.json()["tables"][0]["rows"].as_array().unwrap().len(), 4);
+        }
+        let ended = sweep("scene.geometry.cells=10, 20");
+        assert_eq!(ended.code, Some(2), "{}", ended.stderr);
+        assert!(ended.stderr.contains("patterns are drawn once"), "{}", ended.stderr);
+    }
+}
+
+#[test]
 fn a_sweep_of_scene_and_samples_ends_in_a_table_and_a_figure() {
     let workspace = Workspace::new();
     workspace.write("sweep.yaml", SWEEP);
