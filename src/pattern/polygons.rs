@@ -36,6 +36,15 @@ const THINNEST: f64 = 1e-5;
 const EQUAL: f64 = 1e-3;
 
 impl Borders {
+    /// Returns the part of a region that is neither frame nor body.
+    #[must_use]
+    pub fn on_membrane(&self, region: &Polygons) -> Polygons {
+        let opening = self.opening.iter();
+        let within = opening.fold(region.clone(), |region, opening| region.intersection(opening));
+        let outside = self.bodies.iter().fold(within, |region, body| region.without(body));
+        outside.without_slivers()
+    }
+
     /// Returns the symmetries of a rectangle of a size that map the opening to itself, and bodies to bodies.
     #[must_use]
     pub fn symmetries(&self, of: Symmetries, size: [f64; 2]) -> Symmetries {

@@ -467,16 +467,8 @@ impl Geometry {
             return None;
         }
         let borders = self.borders_of_parts().unwrap_or_default();
-        let on_membrane = |region: &Polygons| {
-            let within = borders
-                .opening
-                .iter()
-                .fold(region.clone(), |all, opening| all.intersection(opening));
-            let outside = borders.bodies.iter().fold(within, |all, body| all.without(body));
-            outside.without_slivers()
-        };
         let groups = electrodes.iter().flat_map(|electrodes| electrodes.groups());
-        let groups = groups.map(|(group, region)| (*group, on_membrane(region)));
+        let groups = groups.map(|(group, region)| (*group, borders.on_membrane(region)));
         let electrodes = electrodes.is_some().then(|| groups.collect());
         Some(Arc::new(Borders { electrodes, ..borders }))
     }

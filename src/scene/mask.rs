@@ -3,7 +3,7 @@
 
 use super::model::Scene;
 use super::sides::Sides;
-use deaflow_pattern::{Corners, Membrane, Part, Pattern, Polygons, outlines, ring_area, total_area};
+use deaflow_pattern::{Bits, Corners, Membrane, Part, Pattern, Polygons, outlines, ring_area, total_area};
 
 /// A point in mm, the origin at the lower left corner of the membrane.
 pub type Point = [f64; 2];
@@ -50,7 +50,7 @@ pub struct Mask {
     pub outline_area: f64,
     /// Whether the outline is rounded.
     pub rounded: bool,
-    /// Whether the outline is that of the drawn shapes, and not of cells.
+    /// Whether the outline follows drawn shapes, or frame and bodies where elements do, and not cells alone.
     pub follows_shapes: bool,
     /// The islands of each electrode group.
     pub groups: Vec<Islands>,
@@ -87,14 +87,23 @@ impl Mask {
             (total_area(&islands), rings.collect::<Islands>())
         };
         let shapes = pattern.electrodes();
-        let group = |group: u8| match shapes {
-            Some(shapes) => {
+        let (parts, borders, free) = (scene.parts(), scene.borders(), scene.free_cells());
+        let of_region = |region: &Polygons| (region.area() * scale[0] * scale[1], islands(region, scale));
+        let group = |group: u8| match (shapes, &borders, &free) {
+            (Some(shapes), ..) => {
                 let own = shapes.groups().iter().find(|(number, _)| *number == group);
-                let region = own.map(|(_, region)| region);
-                let area = region.map_or(0.0, |region| region.area() * scale[0] * scale[1]);
-                (area, region.map_or_else(Vec::new, |region| islands(region, scale)))
+                own.map_or_else(Default::default, |(_, region)| of_region(region))
             }
-            None => {
+            (None, Some(borders), Some(free)) => {
+                let cells = to_borders(pattern, group, free);
+                let [width, height] = prestretched.cell_mm();
+                let rings = outlines(&cells, corners)
+                    .into_iter()
+                    .flat_map(|island| std::iter::once(island.outer).chain(island.holes))
+                    .map(|ring| ring.iter().map(|[x, y]| [x * width, y * height]).collect());
+                of_region(&borders.on_membrane(&Polygons::new(&rings.collect::<Vec<_>>())))
+            }
+            _ => {
                 let (cells, drawn) = match scene.groups() {
                     1 => drawn(pattern, corners),
                     _ => drawn(&pattern.of_group(group), corners),
@@ -103,7 +112,6 @@ impl Mask {
             }
         };
         let (areas, groups): (Vec<f64>, Vec<Islands>) = (1..=scene.groups() as u8).map(group).unzip();
-        let (parts, borders) = (scene.parts(), scene.borders());
         let part = |is_in: &dyn Fn(Part) -> bool| match &parts {
             Some(parts) => drawn(&parts.cells(is_in).pattern(), Corners::Square).1,
             None => Vec::new(),
@@ -123,7 +131,6 @@ impl Mask {
                 part(&|part| part.body().is_some()),
             ),
         };
-        let free = scene.free_cells();
         let free_electrode = free
             .as_ref()
             .map_or_else(|| pattern.clone(), |free| pattern.within(free));
@@ -136,7 +143,7 @@ impl Mask {
             area_fraction: pattern.area_fraction(free.as_ref()),
             outline_area: areas.iter().sum(),
             rounded: rounded && shapes.is_none(),
-            follows_shapes: shapes.is_some(),
+            follows_shapes: shapes.is_some() || borders.is_some(),
             groups,
             opening,
             bodies,
@@ -155,6 +162,34 @@ impl Mask {
     pub fn holes(&self) -> usize {
         self.groups.iter().flatten().map(|(_, holes)| holes.len()).sum()
     }
+}
+
+/// Returns the cells of a group, with those of frame and bodies at their edge: between cells and a curve the membrane
+/// reaches into them, and an electrode that ends at the last cell would not touch the frame. A cell next to another
+/// group is left out.
+fn to_borders(pattern: &Pattern, group: u8, free: &Bits) -> Pattern {
+    let [columns, rows] = pattern.raster().sides().map(|cells| cells as isize);
+    let joins = |x: usize, y: usize| {
+        let around = |offsets: [[isize; 2]; 4]| {
+            let near = offsets.into_iter().filter_map(|[dx, dy]| {
+                let [x, y] = [x as isize + dx, y as isize + dy];
+                let is_inside = (0..columns).contains(&x) && (0..rows).contains(&y);
+                let [x, y] = [x as usize, y as usize];
+                (is_inside && free.has(x, y)).then(|| pattern.group(x, y))
+            });
+            near.collect::<Vec<u8>>()
+        };
+        let beside = around([[-1, 0], [1, 0], [0, -1], [0, 1]]);
+        if beside.is_empty() {
+            let across = around([[-1, -1], [1, -1], [-1, 1], [1, 1]]);
+            return !across.is_empty() && across.iter().all(|other| *other == group);
+        }
+        beside.contains(&group) && beside.iter().all(|other| [0, group].contains(other))
+    };
+    Pattern::from_fn(pattern.raster(), |x, y| match free.has(x, y) {
+        true => pattern.group(x, y) == group,
+        false => joins(x, y),
+    })
 }
 
 /// How far in mm the outline of a mask may be from a shape.
@@ -268,7 +303,16 @@ mod tests {
         let ring = Polygons::new(&[circle(15.0), circle(10.0)]);
         let cells = Pattern::from_fn(scene.membrane().raster, |_, y| y < 22);
         let plain = Mask::new(&cells, &scene, Size::Prestretched, false);
-        assert!(!plain.follows_shapes);
+        assert!(plain.follows_shapes);
+        // Cells reach the curves of frame and body: half of the membrane between them.
+        for rounded in [false, true] {
+            let whole = Mask::new(&cells, &scene, Size::Prestretched, rounded);
+            let off = (whole.outline_area - 187.5 * std::f64::consts::PI).abs();
+            assert!(
+                whole.groups[0].len() == 1 && off < if rounded { 1.0 } else { 0.05 },
+                "{off}"
+            );
+        }
         let shapes = Electrodes::new(&[(1, ring)], [44.0; 2]);
         let drawn = cells.with_electrodes(Some(Arc::new(shapes)));
         let mask = Mask::new(&drawn, &scene, Size::Prestretched, false);

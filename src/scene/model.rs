@@ -401,10 +401,14 @@ impl Scene {
         pattern.area_fraction(self.free_cells().as_ref())
     }
 
-    /// Returns the area of the free, prestretched membrane in mm², without frame and bodies.
+    /// Returns the area of the free, prestretched membrane in mm², without frame and bodies: within their curves where
+    /// elements follow these, else of cells.
     #[must_use]
     pub fn free_area_mm2(&self) -> f64 {
         let membrane = self.membrane();
+        if let Some(borders) = self.borders() {
+            return borders.on_membrane(&Polygons::of_membrane(membrane)).area();
+        }
         let cells = self.free_cells().map_or(membrane.raster.cells(), |free| free.count());
         let [width, height] = membrane.cell_mm();
         cells as f64 * width * height
