@@ -8,7 +8,7 @@ mod equilibria;
 mod equilibrium;
 mod figure;
 mod history;
-mod inflation;
+pub mod inflation;
 mod inflation_path;
 mod modes;
 mod path;

@@ -60,6 +60,35 @@ fn a_figure_also_shows_the_membrane_from_the_side() {
 }
 
 #[test]
+fn a_membrane_in_space_is_exported_with_its_heights() {
+    let workspace = workspace();
+    let loads = ["--set", "loads={ pressure: 500 Pa }"];
+    let solved = solve(&workspace, &[&["--json"], &loads[..]].concat()).json()["equilibria"][0].clone();
+    workspace.write("loaded.yaml", &format!("{SCENE}loads: {{ pressure: 500 Pa }}\n"));
+    let mesh = ["--order", "2", "--elements-per-cell", "1", "--json"];
+    let export = [
+        "export",
+        "design",
+        "half.csv",
+        "--scene",
+        "loaded.yaml",
+        "-o",
+        "half.vtkhdf",
+    ];
+    let ended = workspace.run(&[&export[..], &mesh].concat());
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let file = hdf5::File::open(workspace.path("half.vtkhdf")).unwrap();
+    let points = file.dataset("VTKHDF/Points").unwrap().read_raw::<f64>().unwrap();
+    assert_eq!(points.len(), 3 * 11 * 11);
+    let highest = points.chunks_exact(3).map(|point| point[2]).fold(0.0, f64::max);
+    assert!(
+        (highest - number(&solved["height_mm"])).abs() < 0.02 * highest,
+        "{highest} {solved}"
+    );
+    assert!((number(&ended.json()["max_displacement_mm"]) - number(&solved["largest_displacement_mm"])).abs() < 1e-9);
+}
+
+#[test]
 fn a_pressure_and_the_volume_that_it_makes_are_the_same_state() {
     let workspace = workspace();
     let ended = solve(&workspace, &["--json", "--set", "loads={ pressure: 500 Pa }"]);

@@ -2,8 +2,11 @@
 
 use crate::CliError;
 use crate::results::close_to_instability;
+use crate::solve::inflation;
 use deaflow_fem::screening::{ScreenedScene, TestPattern, examined, observing_breakdown, resolve};
-use deaflow_fem::{CellState, CriticalSearch, MembraneSolver, SolveOptions, WorkLimit};
+use deaflow_fem::{
+    CellState, CriticalSearch, InflationOutcome, InflationSolver, MembraneSolver, SolveOptions, WorkLimit,
+};
 use deaflow_pattern as pattern;
 use deaflow_stage::designs::Design;
 use deaflow_store::{Data, Dataset};
@@ -16,8 +19,8 @@ pub struct Membrane {
     pub coordinates: Vec<[f64; 2]>,
     /// The raster.
     pub plane: pattern::Membrane,
-    /// Displacement of the corners of the elements, mm, `[y][x]`.
-    pub displacement: Vec<[f64; 2]>,
+    /// Displacement of the corners of the elements along x, y and out of the plane, mm, `[y][x]`.
+    pub displacement: Vec<[f64; 3]>,
     /// The largest displacement, mm.
     pub largest: f64,
     /// Means over each cell, `[y][x]`, by name.
@@ -33,6 +36,9 @@ pub struct Membrane {
 /// # Errors
 /// When the solver cannot be set up, or the membrane has no stable state at this voltage.
 pub fn simulate(design: &Design, options: SolveOptions) -> Result<Membrane, CliError> {
+    if design.scene.is_in_space() {
+        return simulate_in_space(design, options);
+    }
     let scene = resolve(&design.scene)?;
     let solver = MembraneSolver::new(&observing_breakdown(&scene), options)?;
     let solution = solver.solve(&design.pattern);
@@ -58,18 +64,61 @@ pub fn simulate(design: &Design, options: SolveOptions) -> Result<Membrane, CliE
     let screened = ScreenedScene::for_solutions(&scene, &tests, &solved, WorkLimit::default())?;
     let warnings = screened.warnings.into_iter().chain(screened.breakdown_warning);
     let displacement = solver.corner_displacements(&solution);
-    let largest = displacement.iter().map(|[x, y]| x.hypot(*y)).fold(0.0, f64::max);
+    let displacement: Vec<[f64; 3]> = displacement.iter().map(|[x, y]| [*x, *y, 0.0]).collect();
     let states = solver.cell_states(&design.pattern, &solution);
     Ok(Membrane {
         elements: solver.grid().elements(),
         coordinates: solver.corner_places(),
         plane: screened.scene.membrane(),
+        largest: largest(&displacement),
         displacement,
-        largest,
         cells: cells(design, &states, screened.scene.thickness_mm()),
         scene: screened.scene.to_text(),
         warnings: warnings.chain(near_limit.map(close_to_instability)).collect(),
     })
+}
+
+/// Simulates a design that leaves its plane: at the corners of cells, without states of cells.
+fn simulate_in_space(design: &Design, options: SolveOptions) -> Result<Membrane, CliError> {
+    let (scene, left_out) = inflation::resolved(&design.scene)?;
+    let solver = InflationSolver::new(&scene.with_electrodes_of(&design.pattern), options)?;
+    let found = solver.solve(&design.pattern);
+    if found.outcome != InflationOutcome::Converged {
+        let outcome = inflation::outcome(&found, &scene);
+        return Err(CliError::failure(format!("no stable solution: {outcome}")));
+    }
+    let plane = scene.membrane();
+    let [columns, rows] = plane.raster.sides();
+    let corners = (0..=rows).flat_map(|row| (0..=columns).map(move |column| [column, row]));
+    let displacement = inflation::components(&found.displacement, &found.heights).collect::<Vec<_>>();
+    let displacement: Vec<[f64; 3]> = displacement.chunks_exact(3).map(|u| [u[0], u[1], u[2]]).collect();
+    let of_state = inflation::warnings_of_states(&scene, &[("design".to_owned(), &found)]);
+    Ok(Membrane {
+        elements: [columns, rows],
+        coordinates: corners.map(|corner| inflation::corner_mm(corner, &scene)).collect(),
+        plane,
+        largest: largest(&displacement),
+        displacement,
+        cells: vec![active(design)],
+        scene: scene.to_text(),
+        warnings: left_out.into_iter().chain(of_state).collect(),
+    })
+}
+
+/// Returns the largest magnitude.
+fn largest(displacement: &[[f64; 3]]) -> f64 {
+    let magnitude = |[x, y, z]: &[f64; 3]| x.hypot(*y).hypot(*z);
+    displacement.iter().map(magnitude).fold(0.0, f64::max)
+}
+
+/// Returns the electrode group of each cell.
+fn active(design: &Design) -> (&'static str, Dataset) {
+    let groups = design.pattern.cells().to_vec();
+    let description = "number of the group of electrodes, 0 = bare";
+    (
+        "active",
+        Dataset::new("1", description, &[groups.len()], Data::U8(groups)),
+    )
 }
 
 fn cells(design: &Design, states: &[CellState], thickness: f64) -> Vec<(&'static str, Dataset)> {
@@ -89,17 +138,8 @@ fn cells(design: &Design, states: &[CellState], thickness: f64) -> Vec<(&'static
     };
     let current = |state: &CellState| thickness / (state.stretches[0] * state.stretches[1]);
     let tension = states.iter().map(|state| state.tension.code()).collect();
-    let active = Data::U8(design.pattern.cells().to_vec());
     vec![
-        (
-            "active",
-            Dataset::new(
-                "1",
-                "number of the group of electrodes, 0 = bare",
-                &[states.len()],
-                active,
-            ),
-        ),
+        active(design),
         (
             "first_piola_stress",
             real(

@@ -339,7 +339,7 @@ fn limit(one: &Inflated, scene: &Scene) -> Option<Pressurised> {
 }
 
 /// The outcome for people, with the limit.
-fn outcome(one: &Inflated, scene: &Scene) -> String {
+pub fn outcome(one: &Inflated, scene: &Scene) -> String {
     let name = one.outcome.name();
     match limit(one, scene) {
         Some(Pressurised::Pressure(pascals)) => format!("{name} at {} Pa", four_digits(pascals)),

@@ -12,15 +12,15 @@ pub struct Surface<'a> {
     pub elements: [usize; 2],
     /// Positions of their corners without displacement in mm.
     pub places: &'a [[f64; 2]],
-    /// Displacement of these corners in mm.
-    pub displacement: &'a [[f64; 2]],
+    /// Displacement of these corners in mm along x, y and out of the plane.
+    pub displacement: &'a [[f64; 3]],
     /// Quantities of the pattern cells; first dimension: cells `[y][x]`. Each cell has the same number of elements.
     pub cells: &'a [(&'static str, Dataset)],
     /// Columns and rows of pattern cells.
     pub sides: [usize; 2],
 }
 
-/// Writes the surface with z = 0. Corners have `displacement` and `reference`, the position without displacement, both
+/// Writes the surface, whose plane is z = 0. Corners have `displacement` and `reference`, the position without displacement, both
 /// in mm; elements have the values of their pattern cells.
 ///
 /// # Errors
@@ -31,19 +31,18 @@ pub fn write_vtkhdf(
     attributes: BTreeMap<String, String>,
 ) -> Result<(), StoreError> {
     let reference: Vec<[f64; 3]> = surface.places.iter().map(|[x, y]| [*x, *y, 0.0]).collect();
-    let displacement: Vec<[f64; 3]> = surface.displacement.iter().map(|[x, y]| [*x, *y, 0.0]).collect();
     let vectors = |description: &str, values: &[[f64; 3]]| {
         let values: Vec<f64> = values.iter().flatten().copied().collect();
         Dataset::new("mm", description, &[values.len() / 3, 3], Data::F64(values))
     };
-    let points = reference.iter().zip(&displacement);
+    let points = reference.iter().zip(surface.displacement);
     let grid = Grid {
-        points: points.map(|(x, u)| [x[0] + u[0], x[1] + u[1], 0.0]).collect(),
+        points: points.map(|(x, u)| [0, 1, 2].map(|axis| x[axis] + u[axis])).collect(),
         quadrilaterals: quadrilaterals(surface.elements),
         point_data: vec![
             (
                 "displacement",
-                vectors("displacement from the prestretched state", &displacement),
+                vectors("displacement from the prestretched state", surface.displacement),
             ),
             (
                 "reference",
