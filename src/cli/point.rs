@@ -76,14 +76,32 @@ impl PointArguments {
 impl Probe {
     /// Returns the displacement there along the direction, or its magnitude without one, mm.
     pub fn of(&self, field: &Field) -> f64 {
-        let [x, y] = field.at(std::array::from_fn(|k| self.point_mm[k] / self.cell_mm[k]));
-        match self.degrees {
-            None => x.hypot(y),
-            Some(degrees) => {
-                let (sine, cosine) = degrees.to_radians().sin_cos();
-                x * cosine + y * sine
-            }
-        }
+        let u = field.at(self.place());
+        self.along(u).unwrap_or_else(|| u[0].hypot(u[1]))
+    }
+
+    /// Returns the point in cells.
+    fn place(&self) -> [f64; 2] {
+        std::array::from_fn(|k| self.point_mm[k] / self.cell_mm[k])
+    }
+
+    /// Returns the component of a displacement along the direction; `None` without one.
+    pub fn along(&self, [x, y]: [f64; 2]) -> Option<f64> {
+        let (sine, cosine) = self.degrees?.to_radians().sin_cos();
+        Some(x * cosine + y * sine)
+    }
+
+    /// Whether a direction is given.
+    pub fn has_direction(&self) -> bool {
+        self.degrees.is_some()
+    }
+
+    /// Returns the displacement there along x, y and out of the plane, mm; `None` if heights in mm do not belong to the
+    /// field.
+    pub fn in_space(&self, field: &Field, heights: &[f64]) -> Option<[f64; 3]> {
+        let field = field.clone().in_space(heights.to_vec(), 0.0).ok()?;
+        let [x, y] = field.at(self.place());
+        Some([x, y, field.height_at(self.place())])
     }
 
     /// Returns the displacements of patterns, NaN for missing ones, and a description of the point, for a file.
@@ -103,11 +121,15 @@ impl Probe {
 
     /// Returns the title of a column.
     pub fn title(&self) -> String {
+        let place = self.title_of_place();
+        self.degrees
+            .map_or_else(|| place.clone(), |degrees| format!("{place} along {degrees} deg"))
+    }
+
+    /// The same without the direction.
+    pub fn title_of_place(&self) -> String {
         let [x, y] = self.point_mm;
-        match self.degrees {
-            Some(degrees) => format!("at {x}, {y} mm along {degrees} deg"),
-            None => format!("at {x}, {y} mm"),
-        }
+        format!("at {x}, {y} mm")
     }
 
     /// Returns the title of a column with displacements from the mount, which it says where these differ from those

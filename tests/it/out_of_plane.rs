@@ -60,6 +60,30 @@ fn a_figure_also_shows_the_membrane_from_the_side() {
 }
 
 #[test]
+fn a_point_moves_along_three_axes() {
+    let workspace = workspace();
+    let point = ["--point", "10 mm, 25 mm", "--direction", "90 deg"];
+    let loads = ["--set", "loads={ pressure: 500 Pa }"];
+    let ended = solve(&workspace, &[&["--json"], &loads[..], &point].concat());
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let found = ended.json()["equilibria"][0].clone();
+    let corner = 3 * (5 * 11 + 2);
+    let displacement = column(&workspace, "displacement")[corner..corner + 3].to_vec();
+    for (axis, expected) in displacement.iter().enumerate() {
+        assert!(
+            (number(&found["at_point_mm"][axis]) - expected).abs() < 1e-12,
+            "{found}"
+        );
+    }
+    assert!(displacement[2] > 1.0 && (number(&found["along_mm"]) - displacement[1]).abs() < 1e-12);
+    let printed = solve(&workspace, &[&loads[..], &point].concat()).stdout;
+    assert!(
+        printed.contains("height at 10, 25 mm") && printed.contains("at 10, 25 mm along 90 deg"),
+        "{printed}"
+    );
+}
+
+#[test]
 fn a_membrane_in_space_is_exported_with_its_heights() {
     let workspace = workspace();
     let loads = ["--set", "loads={ pressure: 500 Pa }"];
@@ -263,7 +287,7 @@ fn what_is_not_simulated_under_pressure_is_refused() {
         (&["--set", body, "--set", free], "`sides` that are not held"),
         (&["--set", body, "--cells"], "bodies that move out of the plane"),
         (&["--set", pressure, "--cells"], "--cells"),
-        (&["--set", pressure, "--point", "25,25"], "--point"),
+        (&["--set", pressure, "--path=pressure", "--point", "25,25"], "--point"),
         (
             &["--set", "loads={ pressure: 1 Pa, volume: 1 ml }"],
             "either a `pressure` or a `volume`",

@@ -3,10 +3,11 @@
 
 use serde_json::{Value, json};
 
+use super::breakdown;
 use super::figure::{self, Membrane};
 use super::simulation::{Computation, PatternSolver, Simulation};
-use super::{SolveArguments, breakdown};
 use crate::job::{JobResult, extend};
+use crate::point::Probe;
 use crate::text::Text;
 use crate::{CliError, Exit, Output, model_warnings, table};
 use deaflow_base::four_digits;
@@ -26,6 +27,7 @@ const COMPRESSED: f64 = 0.005;
 /// When an option, the scene or a pattern cannot be used, or the file cannot be written.
 pub fn execute(simulation: Simulation<'_>, output: &Output) -> Result<Exit, CliError> {
     check_arguments(&simulation)?;
+    let probe = simulation.arguments.point.on(&simulation.scene)?;
     let SpatialEquilibria {
         scene,
         found,
@@ -35,13 +37,23 @@ pub fn execute(simulation: Simulation<'_>, output: &Output) -> Result<Exit, CliE
     let unstable = found.iter().filter(|one| !is_stable(one)).count();
     let peaks = found.iter().map(|one| Peak::of(&one.displacement, &one.heights));
     let peaks: Vec<Peak> = peaks.collect();
+    let at_point = found.iter().map(|one| probe?.in_space(&one.displacement, &one.heights));
+    let at_point: Vec<Option<[f64; 3]>> = at_point.collect();
+    let along = |at: [f64; 3]| probe.and_then(|probe| probe.along([at[0], at[1]]));
+    let document = |index: usize| {
+        let mut document = document((index, (&found[index], &peaks[index])), &scene);
+        if let Some(at) = at_point[index].filter(|_| is_stable(&found[index])) {
+            extend(&mut document, json!({ "at_point_mm": at, "along_mm": along(at) }));
+        }
+        document
+    };
     let drawn = found.iter().enumerate().map(|(index, one)| Membrane {
         index,
         state: None,
         displacement: is_stable(one).then_some(&one.displacement),
         heights: Some(&one.heights),
     });
-    let figure = figure::draw(&simulation, &drawn.collect::<Vec<_>>(), None, output);
+    let figure = figure::draw(&simulation, &drawn.collect::<Vec<_>>(), probe.as_ref(), output);
     let result = JobResult {
         patterns: found.len(),
         arrays: content.object(),
@@ -49,10 +61,11 @@ pub fn execute(simulation: Simulation<'_>, output: &Output) -> Result<Exit, CliE
         attachments: None,
         warnings,
         document: json!({
-            "equilibria": found.iter().zip(&peaks).enumerate().map(|one| document(one, &scene)).collect::<Vec<_>>(),
+            "equilibria": (0..found.len()).map(document).collect::<Vec<_>>(),
             "unstable": unstable,
+            "point": probe.as_ref().map(Probe::document),
         }),
-        text: text(&found, &peaks, &scene),
+        text: text(&found, &peaks, &scene, probe.as_ref().zip(Some(&at_point[..]))),
         exit: if unstable > 0 { Exit::Unstable } else { Exit::Done },
     };
     simulation.with_figure(figure).finish(result, output)
@@ -117,15 +130,10 @@ pub fn resolved(given: &Scene) -> Result<(Scene, Option<String>), CliError> {
 /// # Errors
 /// When there are any.
 pub fn check_arguments(simulation: &Simulation<'_>) -> Result<(), CliError> {
-    let SolveArguments { cells, point, .. } = simulation.arguments;
-    let refused = |help: &str| Err(without_option(&simulation.scene, "this option", help));
-    if *cells {
-        return refused("remove `--cells`");
+    match simulation.arguments.cells {
+        true => Err(without_option(&simulation.scene, "this option", "remove `--cells`")),
+        false => Ok(()),
     }
-    if point.is_given() {
-        return refused("remove `--point`; the heights of all corners are in the file");
-    }
-    Ok(())
 }
 
 /// Returns that a scene in space is not simulated with an option, and what to do.
@@ -272,8 +280,11 @@ fn content(computation: &Computation<'_>, scene: &Scene, found: &[Inflated], sol
 }
 
 /// The overview, the motions of bodies, and how to go beyond the limit of work.
-fn text(found: &[Inflated], peaks: &[Peak], scene: &Scene) -> Text {
+fn text(found: &[Inflated], peaks: &[Peak], scene: &Scene, point: Option<(&Probe, &[Option<[f64; 3]>])>) -> Text {
     let mut text = Text::of(overview(found, peaks, scene));
+    if let Some((probe, at_point)) = point {
+        text.table(displacements_of(probe, found, at_point));
+    }
     if found.iter().any(|one| is_stable(one) && !one.bodies.is_empty()) {
         text.table(bodies(found));
     }
@@ -281,6 +292,23 @@ fn text(found: &[Inflated], peaks: &[Peak], scene: &Scene) -> Text {
         text.line("work-limit: raise the limit, as in --time-limit \"60 s\"");
     }
     text
+}
+
+/// The displacement of a point in each pattern.
+fn displacements_of(probe: &Probe, found: &[Inflated], at_point: &[Option<[f64; 3]>]) -> table::Table {
+    let height = format!("height {}", probe.title_of_place());
+    let along = probe.has_direction().then(|| probe.title());
+    let header = ["pattern", "along x", "along y", &height];
+    let header: Vec<&str> = header.into_iter().chain(along.as_deref()).collect();
+    let mut table = table::table(&header, &header[1..]);
+    for (index, (one, at)) in found.iter().zip(at_point).enumerate() {
+        if let Some(at) = at.filter(|_| is_stable(one)) {
+            let values = at.into_iter().chain(probe.along([at[0], at[1]]));
+            let values = values.map(|mm| format!("{} mm", four_digits(mm)));
+            table.add_row(std::iter::once(index.to_string()).chain(values));
+        }
+    }
+    table
 }
 
 /// How the bodies of the patterns move.

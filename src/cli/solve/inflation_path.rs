@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::breakdown::{BreakdownPlace, FieldAlongPath};
-use super::inflation::{at_mm, check, check_arguments, components, compressed, corner_mm, resolved};
+use super::inflation::{at_mm, check, check_arguments, components, compressed, corner_mm, resolved, without_option};
 use super::path::offsets;
 use super::simulation::{Computation, PatternSolver, Simulation};
 use crate::job::{Attachments, JobResult};
@@ -22,6 +22,10 @@ use deaflow_scene::{Pressurised, Scene};
 /// When an option, the scene or a pattern cannot be used, or a file cannot be written.
 pub fn execute(simulation: Simulation<'_>, parameter: PathParameter, output: &Output) -> Result<Exit, CliError> {
     check_arguments(&simulation)?;
+    if simulation.arguments.point.is_given() {
+        let help = "remove `--point`; the heights of all corners are in the file";
+        return Err(without_option(&simulation.scene, "this option", help));
+    }
     let InflatedPaths {
         scene,
         paths,
