@@ -67,6 +67,13 @@ pub fn execute(arguments: &SolveArguments, parameter: PathParameter, output: &Ou
         found["along"] = probe.document();
     }
     let mut text = Text::of(overview(&paths, &controlled));
+    let has_no_error = |path: &PatternPath| path.critical.is_some_and(|found| found.error.is_none());
+    if paths.iter().any(has_no_error) {
+        let finer = arguments.mesh().elements_per_cell() + 1;
+        text.line(format!(
+            "a voltage without an error is that of this mesh alone: compare it with --elements-per-cell {finer}"
+        ));
+    }
     if let Some(state) = simulation.state() {
         found["state"] = json!(state);
         text.line(format!("state: {state}"));
