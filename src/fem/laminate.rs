@@ -25,7 +25,7 @@
 
 use super::coverage::Laminate;
 use super::energy::{MODULI, Margins, tangent_from};
-use super::kinematics::{Tensor, add_scaled, deformation};
+use super::kinematics::{Tensor, add_scaled, cofactor, deformation};
 use super::material::Material;
 
 /// Number of moduli: a symmetric matrix of the four entries of a gradient.
@@ -37,6 +37,9 @@ const MOST_STEPS: u32 = 60;
 const MOST_HALVINGS: i32 = 40;
 /// Length of a step after which the jump is exact to rounding: the next step would be of the order of its square.
 const LAST_STEP: f64 = 1e-9;
+
+/// Length of a step after which K is not computed anew: it changes by about as much.
+const SHORT_STEP: f64 = 1e-3;
 
 /// A vector of a plane.
 type Vector = [f64; 2];
@@ -77,14 +80,10 @@ impl Laminate {
     }
 
     /// Returns K, if it is positive definite.
-    fn stiffness(&self, [covered, bare]: &[Point; 2]) -> Option<Tensor<f64>> {
-        let along = [dyad([1.0, 0.0], self.normal), dyad([0.0, 1.0], self.normal)];
-        let columns = along.map(|along| {
-            let [covered, bare] = [covered, bare].map(|point| apply(point.tangent(along), self.normal));
-            [0, 1].map(|i| (1.0 - self.share) * covered[i] + self.share * bare[i])
-        });
-        let shear = 0.5 * (columns[0][1] + columns[1][0]);
-        let stiffness = [[columns[0][0], shear], [shear, columns[1][1]]];
+    fn stiffness(&self, points: &[Point; 2]) -> Option<Tensor<f64>> {
+        let [covered, bare] = [points[0].acoustic(self.normal), points[1].acoustic(self.normal)];
+        let mean = |at: usize| (1.0 - self.share) * covered[at] + self.share * bare[at];
+        let stiffness = [[mean(0), mean(1)], [mean(1), mean(2)]];
         is_positive(stiffness).then_some(stiffness)
     }
 
@@ -95,16 +94,22 @@ impl Laminate {
             |layers: &Layers| material.admissible(layers.covered) > 0.0 && material.admissible(layers.bare) > 0.0;
         let mut layers = Some(self.layers_at(gradient, [0.0; 2])).filter(is_admissible)?;
         let mut traction = self.traction(material, &layers);
+        let mut known = None;
         for _ in 0..MOST_STEPS {
-            let stiffness = self.stiffness(&self.points(material, &layers))?;
+            let stiffness = match known {
+                Some(stiffness) => stiffness,
+                None => self.stiffness(&self.points(material, &layers))?,
+            };
             let step = divide(traction, stiffness);
             let at = |length: f64| {
-                let jump = [0, 1].map(|i| layers.jump[i] - length * step[i]);
-                self.layers_at(gradient, jump)
+                let [x, y] = layers.jump;
+                self.layers_at(gradient, [x - length * step[0], y - length * step[1]])
             };
-            if length(step) < LAST_STEP {
+            let size = length(step);
+            if size < LAST_STEP {
                 return Some(at(1.0)).filter(is_admissible);
             }
+            known = (size < SHORT_STEP).then_some(stiffness);
             let lengths = (0..MOST_HALVINGS).map(|halvings| 0.5_f64.powi(halvings));
             let (next, smaller) = lengths
                 .map(at)
@@ -322,6 +327,16 @@ impl Point {
         tangent_from(self.gradient, self.moduli, along)
     }
 
+    /// Returns the acoustic tensor of a unit normal along xx, xy and yy: the tangent along a⊗n times n. The part with
+    /// the cofactor of a⊗n vanishes.
+    fn acoustic(&self, normal: Vector) -> [f64; 3] {
+        let [i, _, ii, ij, jj] = self.moduli;
+        let f = deformation(self.gradient);
+        let (a, b) = (apply(f, normal), apply(cofactor(f), normal));
+        let entry = |r: usize, c: usize| ii * a[r] * a[c] + ij * (a[r] * b[c] + b[r] * a[c]) + jj * b[r] * b[c];
+        [i + entry(0, 0), entry(0, 1), i + entry(1, 1)]
+    }
+
     /// Returns the tangent as a matrix.
     fn matrix(&self) -> Moduli {
         let columns: [[f64; 4]; 4] = std::array::from_fn(|c| {
@@ -354,12 +369,12 @@ fn along_normal([a, b, c, d]: [f64; 4], [x, y]: Vector) -> Vector {
     [a * x + b * y, c * x + d * y]
 }
 
-fn dyad(a: Vector, b: Vector) -> Tensor<f64> {
-    a.map(|a| b.map(|b| a * b))
+fn dyad([a, b]: Vector, [c, d]: Vector) -> Tensor<f64> {
+    [[a * c, a * d], [b * c, b * d]]
 }
 
-fn apply(tensor: Tensor<f64>, vector: Vector) -> Vector {
-    tensor.map(|row| dot(row, vector))
+fn apply([first, second]: Tensor<f64>, vector: Vector) -> Vector {
+    [dot(first, vector), dot(second, vector)]
 }
 
 fn dot(a: Vector, b: Vector) -> f64 {

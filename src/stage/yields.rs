@@ -94,7 +94,7 @@ impl Kind for YieldKind {
     }
 
     fn recipe(&self) -> u32 {
-        2
+        3
     }
 
     fn separate_cost_parameters(&self) -> &'static [&'static str] {
