@@ -95,6 +95,15 @@ impl Background {
         self.plane.raster == Raster::PAPER && self.plane.size_mm[0] == self.plane.size_mm[1]
     }
 
+    /// Whether a place in cells is in the frame.
+    fn is_in_frame(&self, at: Point) -> bool {
+        let [columns, rows] = self.raster().sides();
+        let cell = |axis: usize, cells: usize| (at[axis].max(0.0) as usize).min(cells.saturating_sub(1));
+        // Curves are only followed where the cell carries no electrode, as hundreds of membranes are drawn.
+        let is_free = |free: &Bits| free.has(cell(0, columns), cell(1, rows));
+        !self.free.as_ref().is_none_or(is_free) && is_within(&self.frame, at)
+    }
+
     /// Returns its cells.
     #[must_use]
     pub fn raster(&self) -> Raster {
@@ -502,6 +511,31 @@ impl DeformedMembrane {
         found
     }
 
+    /// Whether no corner of cells is drawn over the frame or out of the rectangle at this factor; sides that are not
+    /// held have room around it.
+    fn stays_inside(&self, scale: f64) -> bool {
+        let (background, raster) = (&self.background, self.background.raster());
+        let (columns, sides) = (raster.columns(), raster.sides());
+        let corners = (0..raster.corners()).map(|at| [at % (columns + 1), at / (columns + 1)]);
+        corners.into_iter().all(|[x, y]| {
+            let rest = [x as f64, y as f64];
+            let [across, up] = background.in_mm(rest);
+            let u = self.displacement.at_corner(x, y);
+            let moved = background.plane.in_cells([across + scale * u[0], up + scale * u[1]]);
+            let by = [moved[0] - rest[0], moved[1] - rest[1]];
+            let length = by[0].hypot(by[1]);
+            if length <= OVER {
+                return true;
+            }
+            let nearer = [0, 1].map(|axis| moved[axis] - OVER / length * by[axis]);
+            let is_in_picture = (0..2).all(|axis| (0.0..=sides[axis] as f64).contains(&nearer[axis]));
+            match background.sides {
+                None => is_in_picture && (!background.is_in_frame(nearer) || background.is_in_frame(rest)),
+                Some(_) => true,
+            }
+        })
+    }
+
     fn moved(&self, corner: [f64; 2], scale: f64) -> (f64, f64) {
         let u = self.displacement.at(corner);
         let at = self.background.in_mm(corner);
@@ -511,21 +545,36 @@ impl DeformedMembrane {
 
 /// Returns the factor by which displacements are drawn larger, the same for all membranes, so that they can be
 /// compared.
+///
+/// No membrane is drawn over its frame or out of its picture, which real ones never reach.
 pub fn exaggeration<'m>(membranes: impl IntoIterator<Item = &'m DeformedMembrane>) -> f64 {
-    let largest = membranes
-        .into_iter()
-        .map(|m| m.largest() / m.background.side())
-        .fold(0.0, f64::max);
-    enlargement(largest, FARTHEST)
+    let membranes: Vec<&DeformedMembrane> = membranes.into_iter().collect();
+    let sizes = membranes.iter().map(|m| m.largest() / m.background.side());
+    let largest = sizes.fold(0.0, f64::max);
+    let fits = |factor: f64| factor * largest <= FARTHEST && membranes.iter().all(|m| m.stays_inside(factor));
+    FACTORS.into_iter().find(|factor| fits(*factor)).unwrap_or(1.0)
 }
 
-/// Returns the largest of some factors that keeps a share of the side below another one; 1 if none does.
+/// The factors by which displacements and heights are drawn larger.
+const FACTORS: [f64; 6] = [100.0, 50.0, 20.0, 10.0, 5.0, 2.0];
+
+/// Returns the largest of the factors that keeps a share of the side below another one; 1 if none does.
 fn enlargement(largest: f64, room: f64) -> f64 {
-    let factors = [100.0, 50.0, 20.0, 10.0, 5.0, 2.0];
-    factors
-        .into_iter()
-        .find(|factor| factor * largest <= room)
-        .unwrap_or(1.0)
+    let mut factors = FACTORS.into_iter();
+    factors.find(|factor| factor * largest <= room).unwrap_or(1.0)
+}
+
+/// How far a drawing may reach over its frame, cells: less than a line is wide.
+const OVER: f64 = 0.25;
+
+/// Whether a point is within closed rings, by the number of their edges to its right.
+fn is_within(rings: &[Vec<Point>], [x, y]: Point) -> bool {
+    let edges = |ring: &[Point]| {
+        let ends = ring.iter().zip(ring.iter().cycle().skip(1));
+        ends.filter(|(a, b)| (a[1] > y) != (b[1] > y) && x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]))
+            .count()
+    };
+    rings.iter().map(|ring| edges(ring)).sum::<usize>() % 2 == 1
 }
 
 /// Draws an arrow from a point in mm in a direction in degrees, counterclockwise from the x axis, `length` thousandths
@@ -625,7 +674,10 @@ mod tests {
     }
 
     fn membrane(u: [f64; 2]) -> DeformedMembrane {
-        DeformedMembrane::new(&[1; 2500], &u.repeat(2601), square(50.0), vec![[25.0, 25.0]]).unwrap()
+        // The border is held.
+        let inner = |at: usize| [at % 51, at / 51].iter().all(|one| (5..46).contains(one));
+        let field: Vec<f64> = (0..2601).flat_map(|at| if inner(at) { u } else { [0.0; 2] }).collect();
+        DeformedMembrane::new(&[1; 2500], &field, square(50.0), vec![[25.0, 25.0]]).unwrap()
     }
 
     #[test]
@@ -662,6 +714,36 @@ mod tests {
         assert!(text.contains("M584 500l-42"), "{text}");
         assert_eq!(exaggeration([&membrane([0.1, 0.0])]), 50.0);
         assert_eq!(exaggeration([]), 100.0);
+    }
+
+    #[test]
+    fn no_membrane_is_drawn_over_its_frame_or_out_of_its_picture() {
+        // Corners move away from the centre by a share of their distance from it, and none on the border.
+        let growing = |share: f64, radius: f64, background: &Background| {
+            let corners = (0..2601).map(|at| [(at % 51) as f64 - 25.0, (at / 51) as f64 - 25.0]);
+            let size = |[x, y]: [f64; 2]| match background.free {
+                Some(_) => x.hypot(y),
+                None => x.abs().max(y.abs()),
+            };
+            let field: Vec<f64> = corners
+                .flat_map(|at| at.map(|one| if size(at) < radius - 0.01 { share * one } else { 0.0 }))
+                .collect();
+            DeformedMembrane::new(&[1; 2500], &field, background.clone(), Vec::new()).unwrap()
+        };
+        let free = Pattern::from_fn(Raster::PAPER, |x, y| (x as f64 - 24.5).hypot(y as f64 - 24.5) < 20.0);
+        let framed = Background {
+            frame: rings(&Pattern::from_fn(Raster::PAPER, |x, y| free.group(x, y) == 0)).collect(),
+            free: Some(Bits::of(&free)),
+            ..square(50.0)
+        };
+        let plain = square(50.0);
+        // Of the corners at 24 from the centre, 20 · 0.004 · 24 is over the border, and 10 · 0.004 · 24 is not.
+        assert_eq!(exaggeration([&growing(0.004, 25.0, &plain)]), 10.0);
+        assert_eq!(exaggeration([&growing(0.0009, 25.0, &plain)]), 50.0);
+        // A field that stays within the square is drawn over a frame.
+        assert_eq!(exaggeration([&growing(0.004, 19.0, &plain)]), 50.0);
+        let with_frame = exaggeration([&growing(0.004, 19.0, &framed)]);
+        assert!([5.0, 10.0, 20.0].contains(&with_frame), "{with_frame}");
     }
 
     #[test]
