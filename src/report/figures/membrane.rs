@@ -12,6 +12,9 @@ const BAR: f64 = 24.0;
 /// Height of the title and the note above a drawing without axes.
 const HEAD: f64 = 46.0;
 
+/// The same of one of several membranes.
+const SMALL: f64 = 262.0;
+
 /// The smallest width and height of a frame, fractions of the longer side, because of the ticks.
 const SMALLEST: [f64; 2] = [0.2, 0.25];
 
@@ -67,6 +70,17 @@ fn on_a_row(title: &str, data: &DeformedMembrane, scale: f64) -> Sheet {
         colour_bar(data.largest(), SIDE * frame_fractions(data.background())[1]),
     ];
     Sheet::charts(3, &charts)
+}
+
+/// Draws some named membranes deformed, with their largest displacements and the same exaggeration.
+pub(crate) fn membranes_charts(named: &[(String, DeformedMembrane)]) -> Vec<Chart> {
+    let scale = exaggeration(named.iter().map(|(_, membrane)| membrane));
+    let drawn = |(name, membrane): &(String, DeformedMembrane)| {
+        let chart = electrode(name, membrane, scale, SMALL);
+        let note = format!("largest {} mm, {}", mm(membrane.largest()), chart.note);
+        chart.with_note(note)
+    };
+    named.iter().map(drawn).collect()
 }
 
 /// Draws the deformed electrode with its outline at rest, and the displacements of the points of the objective.

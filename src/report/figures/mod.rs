@@ -24,6 +24,7 @@ pub(crate) use accuracy::accuracy_charts;
 pub(crate) use curves::curves_chart;
 pub(crate) use deformation::deformation_charts;
 pub(crate) use front::front_charts;
+pub(crate) use membrane::membranes_charts;
 pub(crate) use rounds::rounds_charts;
 pub(crate) use yields::reached_chart;
 

@@ -2,22 +2,63 @@
 
 use std::collections::BTreeMap;
 
+use serde::Serialize;
+
 use crate::artifacts::{ArtifactReader, RunArtifacts};
-use crate::drawing::{EMPTY, Sheet, extent};
+use crate::drawing::{Background, DeformedMembrane, EMPTY, Sheet, extent};
 use crate::error::ReportError;
-use crate::figures::{FamilyDeformation, deformation_charts, deformation_sheet};
+use crate::figures::{FamilyDeformation, deformation_charts, deformation_sheet, membranes_charts};
 use crate::format::{counted, mm};
 use crate::html::Page;
-use crate::presenter::{Figures, Headline, Presenter};
+use crate::presenter::{Figures, Headline, Presenter, Results};
 use deaflow_base::range_ends;
 use deaflow_content::Solutions;
 
 /// Presents stages of a kind whose artifacts are samples with fields.
 pub struct SolvePresenter(pub &'static str);
 
+/// The stages whose fields are simulated in the run.
+const SOLVE: &str = "solve";
+
+/// What a solve stage found.
+#[derive(Debug, Serialize)]
+struct Solved {
+    stage: String,
+    /// Samples with a stable solution.
+    samples: usize,
+    /// Samples without one.
+    unstable: usize,
+    /// The range of the largest displacements of the samples in mm; `None` without any.
+    least_displacement_mm: Option<f64>,
+    max_displacement_mm: Option<f64>,
+}
+
+impl Solved {
+    fn read(source: &ArtifactReader<'_>) -> Result<Self, ReportError> {
+        let view = source.of(Solutions::open(source.artifact))?;
+        let largest = source.of(view.max_displacement().read())?;
+        Ok(Self {
+            stage: source.stage.stage.clone(),
+            samples: largest.len(),
+            unstable: source.of(view.unstable().outcome().read())?.len(),
+            least_displacement_mm: largest.iter().copied().reduce(f64::min),
+            max_displacement_mm: largest.iter().copied().reduce(f64::max),
+        })
+    }
+}
+
 impl Presenter for SolvePresenter {
     fn kind(&self) -> &'static str {
         self.0
+    }
+
+    fn results(&self, run: &RunArtifacts<'_>) -> Result<Vec<Results>, ReportError> {
+        // Fields of files are no results of the run.
+        if self.0 != SOLVE {
+            return Ok(Vec::new());
+        }
+        let solved = run.each(self.kind(), Solved::read)?;
+        Ok(vec![Results::new("solved", &solved, None)])
     }
 
     fn headlines(&self, run: &RunArtifacts<'_>) -> Result<Vec<Headline>, ReportError> {
@@ -45,11 +86,30 @@ impl Presenter for SolvePresenter {
     }
 
     fn figures(&self) -> Figures {
-        &[("deformation", deformation)]
+        match self.0 {
+            SOLVE => &[("deformation", solved)],
+            _ => &[("deformation", deformation)],
+        }
     }
 
     fn section(&self, page: &mut Page, run: &RunArtifacts<'_>) -> Result<(), ReportError> {
+        let few = run.each(self.kind(), |source| self.few(source))?.concat();
+        if !few.is_empty() {
+            super::dataset(page);
+            page.part("Deformed membranes");
+            page.line(
+                "Samples of stages with few of them, all with the same exaggeration of the displacements; the grey line \
+                 is the electrode at rest.",
+            );
+            page.charts(&membranes_charts(&few[..few.len().min(MOST_DRAWN)]));
+            if few.len() > MOST_DRAWN {
+                page.note(&format!("and {} more", few.len() - MOST_DRAWN));
+            }
+        }
         let solved = run.each(self.kind(), |source| {
+            if !self.few(source)?.is_empty() {
+                return Ok((source.stage.stage.clone(), Vec::new()));
+            }
             let families = families(source)?;
             let charts = match families.is_empty() {
                 true => Vec::new(),
@@ -65,6 +125,57 @@ impl Presenter for SolvePresenter {
         Ok(())
     }
 }
+
+/// Samples of a stage that are drawn one by one, and the most on a page.
+const FEW: usize = 12;
+const MOST_DRAWN: usize = 48;
+
+impl SolvePresenter {
+    /// Returns the deformed membranes of a solve stage with few samples, with their names; none of others.
+    fn few(&self, source: &ArtifactReader<'_>) -> Result<Vec<(String, DeformedMembrane)>, ReportError> {
+        match self.0 {
+            SOLVE => membranes(source),
+            _ => Ok(Vec::new()),
+        }
+    }
+}
+
+fn membranes(source: &ArtifactReader<'_>) -> Result<Vec<(String, DeformedMembrane)>, ReportError> {
+    let view = source.of(Solutions::open(source.artifact))?;
+    let count = source.of(view.max_displacement().rows())?;
+    if count > FEW {
+        return Ok(Vec::new());
+    }
+    let (rows, fields) = (view.rows(), source.of(view.displacement().read())?);
+    let (patterns, numbers) = (source.of(rows.patterns().read())?, source.of(rows.index().read())?);
+    let background = Background::of(&source.of(view.scene().read())?);
+    let stage = &source.stage.stage;
+    let each = patterns
+        .iter()
+        .zip(&fields)
+        .zip(numbers)
+        .map(|((pattern, field), number)| {
+            let name = match count {
+                1 => stage.clone(),
+                _ => format!("{stage}: {number}"),
+            };
+            let drawn = DeformedMembrane::new(pattern.cells(), field.values(), background.clone(), Vec::new());
+            Ok((name, source.drawn(drawn)?))
+        });
+    each.collect()
+}
+
+/// Draws the membranes of a stage with few samples, and histograms of others.
+fn solved(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportError> {
+    let few = membranes(source)?;
+    match few.is_empty() {
+        true => deformation(source),
+        false => Ok(Some(Sheet::charts(few.len().min(COLUMNS), &membranes_charts(&few)))),
+    }
+}
+
+/// Membranes in a row of a figure.
+const COLUMNS: usize = 3;
 
 /// Without a field there is no figure; the run reports that.
 fn deformation(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportError> {
