@@ -232,6 +232,14 @@ pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), Input
         if expected == "1" { "stage" } else { "stages" },
         needs.kinds.join(" or ")
     );
+    if let Some(key) = misspelt_needs(entry) {
+        return Err(key
+            .error_labelled(
+                format!("unknown key `{}` in {article} `{kind}` stage", key.written()),
+                "not allowed here",
+            )
+            .help("did you mean `needs`?"));
+    }
     let node = entry.node.peek("needs").unwrap_or(entry.key);
     let optional = entry
         .listed()
@@ -247,6 +255,20 @@ pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), Input
         ),
     };
     Err(node.error(message).help(advice))
+}
+
+/// Returns the key of a stage without `needs` that may be meant for it: one that is not of its kind and is similar.
+fn misspelt_needs<'a>(entry: &Entry<'a>) -> Option<&'a Node> {
+    if entry.node.peek("needs").is_some() {
+        return None;
+    }
+    let fields = entry.kind.schema();
+    let is_known = |name: &str| fields.iter().any(|fields| fields.keys().any(|known| known == name));
+    let keys = entry.node.entries("a stage").ok()?.iter().map(|(key, _)| key);
+    keys.into_iter().find(|key| {
+        let name = key.written();
+        !is_known(&name) && nearest(&name, &["needs"]).is_some()
+    })
 }
 
 /// Stages, as indices in the file, and where they are named.

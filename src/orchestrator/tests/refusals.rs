@@ -71,6 +71,12 @@ fn each_mistake_is_named_underlined_and_set_right() {
             "a",
         ),
         (
+            format!("{one}  b: {{ kind: sum, need: [a] }}\n"),
+            "unknown key `need` in a `sum` stage",
+            "need",
+            "did you mean `needs`?",
+        ),
+        (
             format!("{one}  b: {{ kind: count, count: 1, needs: [a] }}\n"),
             "a `count` stage has no `needs`",
             "a",
