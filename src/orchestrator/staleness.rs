@@ -32,6 +32,13 @@ pub enum Staleness {
         /// Name of the first stage whose artifact differs.
         which: String,
     },
+    /// The inputs are those of the most similar of the last runs, in another order.
+    InputsReordered,
+    /// An input of the most similar of the last runs is no input any more.
+    InputGone {
+        /// Name of the stage in that run, or the digits of its artifact.
+        which: String,
+    },
     /// The RECIPE of the kind has changed.
     RecipeChanged {
         /// Earlier number.
@@ -62,6 +69,8 @@ impl fmt::Display for Staleness {
                 several => write!(f, "files changed: one or more of {}", several.join(", ")),
             },
             Self::InputChanged { which } => write!(f, "input changed: {which}"),
+            Self::InputsReordered => f.write_str("order of needs changed"),
+            Self::InputGone { which } => write!(f, "no longer needed: {which}"),
             Self::RecipeChanged { from, to } => write!(f, "recipe changed: from {from} to {to}"),
             Self::Removed { at } => write!(f, "removed by gc at {}", readable_time(at)),
             Self::ArtifactMissing => f.write_str("artifact missing"),
@@ -252,17 +261,38 @@ fn recipe_changed(now: u32, then: u32) -> Option<Staleness> {
 }
 
 fn inputs_changed(now: &[(&str, Option<ArtifactId>)], then: &[ArtifactId], run: Option<&Run>) -> Vec<Staleness> {
-    let differing = now.iter().enumerate();
-    let differing = differing.filter(|(i, (_, digest))| *digest != then.get(*i).copied() || digest.is_none());
-    let differing = differing.map(|(_, (name, _))| (*name).to_owned());
-    // An input that was removed from the pipeline: only the run has its name.
-    let gone = then.iter().skip(now.len()).map(|gone| {
-        let named = run.and_then(|run| run.stages.iter().find(|stage| stage.artifact == *gone));
-        named.map_or_else(|| gone.short(), |stage| stage.name.clone())
+    let mut left = then.to_vec();
+    let mut changed = Vec::new();
+    for (name, digest) in now {
+        match digest.and_then(|digest| left.iter().position(|one| *one == digest)) {
+            Some(place) => drop(left.remove(place)),
+            None => changed.push(*name),
+        }
+    }
+    if changed.is_empty() && left.is_empty() {
+        let is_same = now.iter().map(|(_, digest)| *digest).eq(then.iter().copied().map(Some));
+        return if is_same {
+            Vec::new()
+        } else {
+            vec![Staleness::InputsReordered]
+        };
+    }
+    // Only the run has the names of its inputs.
+    let gone = left.into_iter().filter_map(|gone| {
+        let stage = run.and_then(|run| run.stages.iter().find(|stage| stage.artifact == gone));
+        match stage {
+            Some(stage) if now.iter().any(|(name, _)| *name == stage.name) => None,
+            Some(stage) => Some(stage.name.clone()),
+            // It may be the former artifact of one that has changed.
+            None => changed.is_empty().then(|| gone.short()),
+        }
     });
-    differing
-        .chain(gone)
-        .map(|which| Staleness::InputChanged { which })
+    let gone: Vec<String> = gone.collect();
+    let changed = changed.iter().map(|which| Staleness::InputChanged {
+        which: (*which).to_owned(),
+    });
+    changed
+        .chain(gone.into_iter().map(|which| Staleness::InputGone { which }))
         .collect()
 }
 
@@ -280,8 +310,8 @@ mod tests {
 
     use super::*;
     use crate::tests::Count;
-    use deaflow_base::FileDigest;
-    use deaflow_store::Action;
+    use deaflow_base::{ActionKey, FileDigest};
+    use deaflow_store::{Action, RunStage, StageOutcome};
 
     #[test]
     fn a_recipe_that_follows_from_a_parameter_is_no_reason() {
@@ -327,6 +357,38 @@ mod tests {
         assert_eq!(told(8, 5), [parameter]);
         assert_eq!(told(8, 4), [parameter, "recipe changed: from 4 to 13"]);
         assert_eq!(told(2, 5), ["recipe changed: from 5 to 13"]);
+    }
+
+    #[test]
+    fn inputs_are_told_by_name_and_not_by_place() {
+        let id = |text: &str| ArtifactId::of(text.as_bytes());
+        let stage = |name: &str| RunStage {
+            name: name.to_owned(),
+            kind: "count".to_owned(),
+            key: ActionKey::of(name.as_bytes()),
+            artifact: id(name),
+            outcome: StageOutcome::Built,
+            from_scene: Vec::new(),
+        };
+        let run = Run {
+            stages: ["a", "b", "c"].map(stage).into(),
+            ..Run::default()
+        };
+        let told = |now: &[(&str, Option<ArtifactId>)], then: &[&str]| {
+            let then: Vec<ArtifactId> = then.iter().map(|name| id(name)).collect();
+            let all = inputs_changed(now, &then, Some(&run));
+            all.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+        };
+        let [a, b, c] = ["a", "b", "c"].map(|name| (name, Some(id(name))));
+        assert_eq!(told(&[a, b], &["a", "b"]), "");
+        assert_eq!(told(&[b, a], &["a", "b"]), "order of needs changed");
+        assert_eq!(told(&[b, c], &["a", "b", "c"]), "no longer needed: a");
+        assert_eq!(told(&[("a", Some(id("new"))), b], &["a", "b"]), "input changed: a");
+        assert_eq!(
+            told(&[("d", None), a], &["a", "b"]),
+            "input changed: d; no longer needed: b"
+        );
+        assert_eq!(inputs_changed(&[a], &[id("a"), id("x")], None).len(), 1);
     }
 
     #[test]
