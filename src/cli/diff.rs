@@ -110,6 +110,11 @@ pub fn changes([from, to]: [&Snapshot; 2], [before, after]: &[ByPath; 2]) -> Vec
             };
             !(is_lacking(from, before) || is_lacking(to, after))
         })
+        // What a run that failed early did not reach has not changed.
+        .filter(|name| {
+            let is_missing = |side: &Snapshot, known: &ByPath| side.is_incomplete && !known.contains_key(*name);
+            !(is_missing(from, before) || is_missing(to, after))
+        })
         .filter(|name| {
             let is_filled = |empty: &ByPath, other: &ByPath| {
                 empty
@@ -182,7 +187,7 @@ fn document(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], re
 fn rows(parameters: &[Change<Canonical>], results: &[Change<f64>]) -> Result<String, CliError> {
     let header = ["what", "name", "from", "to", "from_error", "to_error"].map(str::to_owned);
     let shown = |value: &Option<Canonical>| value.as_ref().map_or_else(String::new, Canonical::to_string);
-    let number = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
+    let number = |value: Option<f64>| value.map_or_else(String::new, csv::number);
     let parameters = parameters.iter().map(|change| {
         vec![
             "parameter".to_owned(),
@@ -286,6 +291,14 @@ fn text(from: &Snapshot, to: &Snapshot, parameters: &[Change<Canonical>], result
             text.line(format!("\nonly in {side}: {of}"));
         }
     }
+    for (side, of) in [
+        ("the first", from.not_reached(to)),
+        ("the second", to.not_reached(from)),
+    ] {
+        if is_comparable && !of.is_empty() {
+            text.line(format!("\nnot run in {side}: {}", of.join(", ")));
+        }
+    }
     let of_to = to.unknown.iter().filter(|why| !from.unknown.contains(why));
     let unknown = from.unknown.iter().chain(of_to);
     for why in unknown {
@@ -353,7 +366,16 @@ fn relative(from: Option<f64>, to: Option<f64>) -> String {
     const MOST: f64 = 100.0;
     match from.zip(to) {
         Some((from, to)) if from != 0.0 && (to / from).abs() > MOST => format!("× {}", table::number(to / from)),
-        Some((from, to)) if from != 0.0 => format!("{:+.1} %", 100.0 * (to - from) / from.abs()).replace('-', "−"),
+        Some((from, to)) if from != 0.0 => {
+            let percent = 100.0 * (to - from) / from.abs();
+            let size = percent.abs();
+            // Small changes keep their first digit.
+            let decimals = if size >= 0.05 || size == 0.0 { 1 } else { 3 };
+            match size > 0.0 && size < 5e-4 {
+                true => format!("{}0.001 %", if percent < 0.0 { "> −" } else { "< " }),
+                false => format!("{percent:+.decimals$} %").replace('-', "−"),
+            }
+        }
         _ => String::new(),
     }
 }
@@ -473,6 +495,29 @@ mod tests {
     }
 
     #[test]
+    fn stages_that_a_failed_run_did_not_reach_have_not_changed() {
+        let parameters = |count: u64| Some(Canonical::map([("count", count.into())]));
+        let mut whole = Snapshot::new("whole".to_owned());
+        for name in ["a", "b", "c"] {
+            whole.add_stage([name, "sample"], parameters(3), &["mask"; 0]);
+        }
+        let mut failed = Snapshot::new("failed".to_owned());
+        failed.add_stage(["a", "sample"], parameters(3), &["mask"; 0]);
+        let shown =
+            |from: &Snapshot, to: &Snapshot| text(from, to, &written_changes([from, to]), &[]).show(Screen::default());
+        // Stages of another pipeline are changes.
+        assert!(shown(&failed, &whole).contains("stages.b.count"));
+        failed.is_incomplete = true;
+        let told = shown(&failed, &whole);
+        assert!(
+            told.contains("parameters are identical") && !told.contains("stages."),
+            "{told}"
+        );
+        assert!(told.contains("not run in the first: b, c"), "{told}");
+        assert!(shown(&whole, &failed).contains("not run in the second: b, c"));
+    }
+
+    #[test]
     fn a_run_that_reached_no_stage_is_not_identical_to_another() {
         let mut some = Snapshot::new("some".to_owned());
         let parameters = Canonical::map([("count", 3_u64.into())]);
@@ -494,6 +539,8 @@ mod tests {
     #[test]
     fn large_changes_are_factors() {
         assert_eq!(relative(Some(2.0), Some(1.0)), "−50.0 %");
+        assert_eq!(relative(Some(2.0), Some(1.9996)), "−0.020 %");
+        assert_eq!(relative(Some(2.0), Some(1.999_999)), "> −0.001 %");
         assert_eq!(relative(Some(1e-6), Some(1.2)), "× 1200000");
         assert_eq!(relative(None, Some(1.2)) + &relative(Some(0.0), Some(1.2)), "");
     }

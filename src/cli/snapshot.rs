@@ -40,6 +40,8 @@ pub struct Snapshot {
     pub title: String,
     /// Whether it is a pipeline, whose values can be overridden.
     pub can_be_set: bool,
+    /// Whether it is a run that did not reach the end of its pipeline.
+    pub is_incomplete: bool,
     stages: Vec<NamedStage>,
     /// The results, by name.
     pub results: BTreeMap<String, f64>,
@@ -61,6 +63,7 @@ impl Snapshot {
         Self {
             title,
             can_be_set: false,
+            is_incomplete: false,
             stages: Vec::new(),
             results: BTreeMap::new(),
             errors: BTreeMap::new(),
@@ -126,6 +129,15 @@ impl Snapshot {
             stages: self.stages.iter().filter(is_shared).cloned().collect(),
             ..Self::new(self.title.clone())
         }
+    }
+
+    /// Returns the stages of another snapshot that it did not reach; none if it reached the end of its pipeline.
+    pub fn not_reached<'o>(&self, other: &'o Self) -> Vec<&'o str> {
+        let stages = other.stages.iter().filter(|_| self.is_incomplete);
+        stages
+            .filter(|stage| !self.stages.iter().any(|own| own.name == stage.name))
+            .map(|stage| stage.name.as_str())
+            .collect()
     }
 
     /// Whether it has no stage: a run may fail in the first one.
@@ -377,6 +389,7 @@ impl<'a> SnapshotReader<'a> {
     pub fn parameters_of_run(&self, run: &Run) -> Result<Snapshot, CliError> {
         let (id, created) = (&run.id, readable_time(&run.created));
         let mut snapshot = Snapshot::new(format!("run {id} of {} at {created}", run.pipeline));
+        snapshot.is_incomplete = !run.is_complete();
         for stage in &run.stages {
             let record = self.store.record(&stage.key)?.record();
             let both = [stage.name.as_str(), &stage.kind];
