@@ -1,7 +1,7 @@
 //! The history of the artifacts of a pipeline: what built each, when, where and at what cost, and what the last run
 //! built.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use super::artifacts::{RunArtifacts, StageArtifact};
@@ -27,6 +27,21 @@ pub struct PipelineHistory {
     pub model_warnings: Vec<String>,
     /// The last run that built an artifact of the present plan; `None` if no run in the history has these artifacts.
     pub last_run: Option<LastRun>,
+    /// Another run that built one, as a sweep does, if no run of the pipeline did.
+    pub built_by: Option<BuiltBy>,
+}
+
+/// A run that built artifacts that another pipeline or command uses.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BuiltBy {
+    /// Its identifier.
+    pub id: String,
+    /// The command that ran it.
+    pub command: &'static str,
+    /// Name of its pipeline.
+    pub pipeline: String,
+    /// Its end, in UTC, RFC 3339.
+    pub ended: String,
 }
 
 /// The run of the drawing of stages.
@@ -34,7 +49,7 @@ pub struct PipelineHistory {
 pub struct LastRun {
     /// Its end, in UTC, RFC 3339.
     pub ended: String,
-    /// Whether it built an artifact of the plan; if not, no run in the history did.
+    /// Whether it built an artifact of the plan; if not, no run of the pipeline in the history did.
     pub has_built: bool,
 }
 
@@ -128,6 +143,10 @@ impl PipelineHistory {
             stages,
             rounds: pipeline.rounds.clone(),
             model_warnings: Vec::new(),
+            built_by: match last.is_some_and(|run| has_built(run, plan)) {
+                true => None,
+                false => built_by(store.runs()?.take(MAX_RUNS), plan)?,
+            },
             last_run: last.map(|run| LastRun {
                 ended: run.created.clone(),
                 has_built: has_built(run, plan),
@@ -203,6 +222,27 @@ fn last_of(
         }
     }
     Ok(had)
+}
+
+/// Returns the last run of any command and pipeline that built an artifact of the plan, of runs sorted from the newest.
+fn built_by(
+    runs: impl Iterator<Item = Result<Run, StoreError>>,
+    plan: &[StageReport],
+) -> Result<Option<BuiltBy>, StoreError> {
+    let wanted: BTreeSet<ArtifactId> = plan.iter().filter_map(there).collect();
+    for run in runs {
+        let run = run?;
+        let built = run.stages.iter().filter(|stage| stage.outcome == StageOutcome::Built);
+        if built.into_iter().any(|stage| wanted.contains(&stage.artifact)) {
+            return Ok(Some(BuiltBy {
+                id: run.id,
+                command: run.command.name(),
+                pipeline: run.pipeline,
+                ended: run.created,
+            }));
+        }
+    }
+    Ok(None)
 }
 
 /// Returns the artifact of a stage that is up to date.
@@ -358,6 +398,14 @@ mod tests {
             found(&[&swept, &audit, &first], &plan),
             Some(("first".to_owned(), true))
         );
+        let by = |runs: &[&Run]| built_by(runs.iter().map(|run| Ok((*run).clone())), &plan).unwrap();
+        let sweep = Run {
+            command: Command::Sweep,
+            ..run("sweep", Command::Run, &[("a@x=1", "a1", Built)])
+        };
+        let found_by = by(&[&swept, &sweep]).unwrap();
+        assert_eq!((found_by.id.as_str(), found_by.command), ("sweep", "sweep"));
+        assert_eq!(by(&[&swept]), None);
         // The run that built it is not in the history.
         assert_eq!(found(&[&audit, &swept], &plan), Some(("swept".to_owned(), false)));
         assert_eq!(found(&[&audit], &plan), None);

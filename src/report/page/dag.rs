@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::layout::{BOX, Layout, layout};
 use crate::drawing::{Colour, LETTER, number};
 use crate::format::{bytes, cut, seconds};
-use crate::history::{PipelineHistory, StageRecord};
+use crate::history::{BuiltBy, PipelineHistory, StageRecord};
 use crate::html::Page;
 use deaflow_base::readable_time as time;
 
@@ -76,6 +76,17 @@ pub fn cost(stage: &StageRecord) -> String {
     })
 }
 
+/// Names another run that built artifacts of the pipeline.
+fn built_by(by: &BuiltBy) -> String {
+    format!(
+        "Artifacts of this pipeline were built by deaflow {} of {}, run {}, which ended {}.",
+        by.command,
+        by.pipeline,
+        by.id,
+        time(&by.ended)
+    )
+}
+
 /// Adds the drawing and its legend.
 pub fn section(page: &mut Page, history: &PipelineHistory) {
     page.section("Pipeline");
@@ -85,10 +96,17 @@ pub fn section(page: &mut Page, history: &PipelineHistory) {
             time(&run.ended)
         ),
         Some(run) => format!(
-            "The run that built these artifacts is not in the history; the last one that used them ended {}.",
+            "{} The last run that used them ended {}.",
+            match &history.built_by {
+                Some(by) => built_by(by),
+                None => "The run that built these artifacts is not in the history.".to_owned(),
+            },
             time(&run.ended)
         ),
-        None => "The history has no run of this pipeline with these parameters.".to_owned(),
+        None => match &history.built_by {
+            Some(by) => built_by(by),
+            None => "The history has no run of this pipeline with these parameters.".to_owned(),
+        },
     };
     page.line(&format!(
         "{run} Each box shows a stage, its kind and digest, its state in that run, and the time that its build took."
