@@ -18,7 +18,7 @@ use super::pace::Pace;
 use super::table;
 use super::tone::{Screen, Tone, width_of_stderr};
 use deaflow_base::{Background, Pauses, Progress, printable, printable_json};
-use deaflow_orchestrator::{Event, Outcome, StageReport};
+use deaflow_orchestrator::{Event, Outcome, StageReport, Staleness};
 
 /// The smallest difference between the time of a stage and its share of the run that is shown: this fraction, and s.
 const MIN_DIFFERENCE: f64 = 0.05;
@@ -330,6 +330,15 @@ impl RunProgress {
                 &serde_json::to_string(event).unwrap_or_else(|error| error.to_string()),
             )),
             (_, Event::Warning { text }) => self.print(&format!("warning: {text}")),
+            // A damaged store is worth a look, also where no progress is shown.
+            (
+                ProgressMode::Warnings,
+                Event::StageStarted {
+                    name,
+                    why: Staleness::ArtifactDamaged,
+                    ..
+                },
+            ) => self.print(&format!("warning: {name}: its artifact was damaged and is built anew")),
             (ProgressMode::Warnings, _) => {}
             (ProgressMode::Bars | ProgressMode::Lines, _) => self.show_to_people(event),
         }
