@@ -47,7 +47,7 @@ pub fn execute(arguments: &StatusArguments, output: &Output) -> Result<Exit, Cli
     let mut paths: Vec<PathBuf> = arguments.pipelines.iter().map(|path| file_of(path)).collect();
     if paths.is_empty() {
         for run in &runs {
-            let path = PathBuf::from(&run.path);
+            let path = present_path(&store, run);
             if !paths.contains(&path) {
                 paths.push(path);
             }
@@ -66,6 +66,16 @@ pub fn execute(arguments: &StatusArguments, output: &Output) -> Result<Exit, Cli
         store,
     };
     output.result(|| status.document(), || status.text())
+}
+
+/// Returns the path of the file of a run: where it is now, if the store was moved together with it.
+fn present_path(store: &Store, run: &Run) -> PathBuf {
+    let path = PathBuf::from(&run.path);
+    let moved = file_of(&store.root().join(&run.place));
+    match !run.place.is_empty() && !path.exists() && moved.is_file() {
+        true => moved,
+        false => path,
+    }
 }
 
 /// Plans a pipeline. One of the command line must be readable; one that only a run names may be gone.

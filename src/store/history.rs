@@ -208,9 +208,9 @@ type SortKey = (String, u64);
 
 /// Selects the runs of the pipeline in a file, newest first.
 ///
-/// Those are the runs with its path. If there are none, the file may have been moved: then they are the runs of the
-/// same name whose file no longer exists, if that had the same path relative to the store, or if they all had the same
-/// path.
+/// Those are the runs with its path, and those of the same name with the same path relative to the store whose file no
+/// longer exists: the store was moved together with the file. If there are none, the file may have been moved: then they
+/// are the runs of the same name whose file no longer exists, if they all had the same path.
 pub struct RunsOf<I> {
     runs: I,
     file: PathBuf,
@@ -229,11 +229,14 @@ impl<I> RunsOf<I> {
         *known.or_insert_with(|| !Path::new(path).exists())
     }
 
+    /// Whether a run is of the same file before the store was moved together with it.
+    fn was_moved(&mut self, run: &Run) -> bool {
+        let is_same = run.pipeline == self.name && !run.place.is_empty() && run.place == self.place;
+        is_same && self.is_gone(&run.path)
+    }
+
     fn resolve_orphans(&mut self) {
         self.is_resolved = true;
-        if self.orphans.iter().any(|run| run.place == self.place) {
-            self.orphans.retain(|run| run.place == self.place);
-        }
         let paths: BTreeSet<&str> = self.orphans.iter().map(|run| run.path.as_str()).collect();
         if paths.len() > 1 {
             self.orphans.clear();
@@ -248,6 +251,11 @@ impl<I: Iterator<Item = Result<Run, StoreError>>> Iterator for RunsOf<I> {
         while !self.is_resolved {
             match self.runs.next() {
                 Some(Ok(run)) if Path::new(&run.path) == self.file => {
+                    self.has_own = true;
+                    self.orphans.clear();
+                    return Some(Ok(run));
+                }
+                Some(Ok(run)) if self.was_moved(&run) => {
                     self.has_own = true;
                     self.orphans.clear();
                     return Some(Ok(run));
