@@ -24,6 +24,12 @@ pub fn of_table(table: &ResultTable) -> Result<String, CliError> {
     text(&titles(table), rows)
 }
 
+/// Writes a number without the rounding errors of its last digit: 0.4 in place of 0.39999999999999997.
+pub fn number(value: f64) -> String {
+    let rounded = format!("{value:.14e}").parse().unwrap_or(value);
+    rounded.to_string()
+}
+
 /// Formats a header and rows.
 ///
 /// # Errors

@@ -276,6 +276,7 @@ impl From<StoreError> for CliError {
                 .help("build it again with `deaflow run`, or pin only the artifact: --result-only"),
             StoreError::Unreachable { .. } => Self::new(Exit::Damaged, message)
                 .help("build it again with `deaflow run`, or remove the pin (`deaflow unpin`) or the lock file"),
+            StoreError::Busy { .. } => Self::new(Exit::TryAgain, message),
             _ => Self::failure(message),
         };
         Self { may_pass, ..error }

@@ -200,7 +200,11 @@ fn row(run: &Run, results: &BTreeSet<&str>) -> Vec<String> {
         run.failures.join("; "),
         run.stopped.join("; "),
     ];
-    let value = |name: &&str| run.results.get(*name).map_or_else(String::new, f64::to_string);
+    let value = |name: &&str| {
+        run.results
+            .get(*name)
+            .map_or_else(String::new, |value| csv::number(*value))
+    };
     fixed.into_iter().chain(results.iter().map(value)).collect()
 }
 

@@ -49,6 +49,9 @@ pub struct ShowArguments {
 /// Up to this many different texts are listed with their counts.
 const MAX_TEXTS: usize = 6;
 
+/// Rows of a table stage that are shown.
+const MAX_ROWS: usize = 20;
+
 pub fn execute(arguments: &ShowArguments, output: &Output) -> Result<Exit, CliError> {
     let file = Path::new(&arguments.artifact);
     let (artifact, record) = if has_hdf5_extension(file) {
@@ -152,6 +155,9 @@ struct Summary {
     provenance: BTreeMap<String, String>,
     /// The state of the record of the action that made it; none without a store.
     record: Option<String>,
+    /// The first rows of the table of a table stage.
+    #[serde(skip)]
+    table: Option<String>,
     /// The findings of an audit, in place of the attributes that have them as JSON.
     #[serde(skip)]
     audit: Option<AuditReport>,
@@ -205,6 +211,10 @@ impl Summary {
             datasets: artifact.contents()?.iter().map(dataset).collect::<Result<_, _>>()?,
             provenance: artifact.provenance()?,
             record,
+            table: match ArtifactKind::Table.is_of(artifact) {
+                true => Some(first_rows(&ResultTable::new(Table::read(artifact)?))),
+                false => None,
+            },
             audit: None,
         })
     }
@@ -242,6 +252,10 @@ impl Summary {
         }
         if !attributes.is_empty() {
             text.line(list("attributes", &attributes));
+        }
+        if let Some(table) = &self.table {
+            text.line(table);
+            text.line("");
         }
         self.table(&mut text);
         text.line("");
@@ -287,6 +301,18 @@ impl Summary {
         for line in counted {
             text.line(line);
         }
+    }
+}
+
+/// Writes the first rows of a table, with its columns and their units.
+fn first_rows(table: &ResultTable) -> String {
+    let rows = table.text(MAX_ROWS);
+    match table.rows.len().saturating_sub(MAX_ROWS) {
+        0 => rows,
+        more => format!(
+            "{rows}\nand {}: --csv prints all",
+            table::counted(more as u64, "more rows")
+        ),
     }
 }
 

@@ -50,6 +50,7 @@ impl ResultFile<'_> {
             datasets: self.tree.arrays.iter().map(dataset).collect::<Result<_, _>>()?,
             provenance: self.tree.provenance.clone().unwrap_or_default(),
             record: None,
+            table: None,
             audit: None,
         })
     }
