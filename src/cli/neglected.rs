@@ -17,6 +17,9 @@ use deaflow_report::{RunArtifacts, StageArtifact, warned_patterns};
 use deaflow_scene::{Effects, Scene};
 use rayon::prelude::*;
 
+/// How the line of effects that cannot be judged begins.
+const NO_DATA: &str = "not checked, no data: ";
+
 /// The warnings about effects that the simulations of a pipeline neglect, a line each, after the names of the stages.
 pub struct Neglected {
     /// Those that matter.
@@ -71,7 +74,12 @@ pub fn neglected_effects(
     };
     for (text, of) in warnings {
         let names: Vec<&str> = of.iter().map(|made| made.stage.as_str()).collect();
-        let line = format!("{}: {text}", list(&names));
+        // Say what to do.
+        let advice = match text.starts_with(NO_DATA) {
+            true => "; to check these effects, add their data to `properties`",
+            false => "",
+        };
+        let line = format!("{}: {text}{advice}", list(&names));
         match verifies && of.iter().all(|made| made.kind != VERIFY) {
             true => found.of_samples.push(line),
             false => found.main.push(line),

@@ -423,21 +423,21 @@ fn text(found: &[Found], probe: &Probe, arguments: &YieldArguments) -> Text {
         let listed = result.shares.iter().filter(|(_, share)| *share >= LISTED);
         let devices = result.samples - result.failed();
         let within = listed.clone().map(|(_, share)| share_within(*share, devices));
-        let within = percent(within.fold(0.0, f64::max));
+        // A share of 100 % has no error.
+        let within = Some(percent(within.fold(0.0, f64::max))).filter(|within| *within != percent(0.0));
+        let within = within.map_or_else(String::new, |within| format!(", each ± {within}"));
         let shares: Vec<String> = listed
             .map(|(source, share)| format!("{} {}", source.label(), percent(*share)))
             .collect();
         let variance = match shares.is_empty() {
             true => String::new(),
-            false => format!(
-                "; the variance is that of {} (estimates, each within {within})",
-                shares.join(", ")
-            ),
+            false => format!("; shares of the variance: {}{within}", shares.join(", ")),
         };
         text.line(format!("{}: {} devices{variance}", one.file, result.samples));
         if let Some(plain) = other_mean(one).filter(|_| arguments.output.is_some()) {
             text.line(format!(
-                "{}: the mean is that with the deviations as control variates; that of the rows in the file is {} mm",
+                "{}: the mean of the rows in the file is {} mm; the mean above is corrected by the known means of the \
+                 deviations",
                 one.file,
                 table::number(plain)
             ));

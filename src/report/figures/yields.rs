@@ -50,13 +50,13 @@ pub(crate) fn reached_chart(designs: &[DesignYields]) -> Result<Chart, FigureErr
     let margin = (0.02 * (high - low)).max(1e-6);
     // A displacement that is far from all devices would leave no room for these.
     let is_near = |mm: &f64| (low - (high - low)..=high + (high - low)).contains(mm);
-    let mut wanted: Vec<(f64, &str)> = Vec::new();
-    for design in designs {
+    let mut wanted: Vec<(f64, &str, Colour)> = Vec::new();
+    for (design, colour) in Series::coloured(designs) {
         let mm = design.wanted_mm.filter(is_near);
-        let mm = mm.filter(|mm| wanted.iter().all(|(other, _)| other != mm));
-        wanted.extend(mm.map(|mm| (mm, design.name.as_str())));
+        let mm = mm.filter(|mm| wanted.iter().all(|(other, ..)| other != mm));
+        wanted.extend(mm.map(|mm| (mm, design.name.as_str(), colour)));
     }
-    let ends = [low, high].into_iter().chain(wanted.iter().map(|(mm, _)| *mm));
+    let ends = [low, high].into_iter().chain(wanted.iter().map(|(mm, ..)| *mm));
     let (low, high) = ends.fold((low, high), |(low, high), mm| (low.min(mm), high.max(mm)));
     let curve = |(design, colour): (&DesignYields, Colour)| {
         let mut sorted = design.displacements.clone();
@@ -74,12 +74,12 @@ pub(crate) fn reached_chart(designs: &[DesignYields]) -> Result<Chart, FigureErr
     };
     let mut series: Vec<Series> = Series::coloured(designs).map(curve).collect();
     let is_common = wanted.len() == 1;
-    series.extend(wanted.into_iter().map(|(mm, design)| {
-        let name = match is_common {
-            true => "wanted".to_owned(),
-            false => format!("wanted of {design}"),
+    series.extend(wanted.into_iter().map(|(mm, design, own)| {
+        let (name, colour) = match is_common {
+            true => ("wanted".to_owned(), Colour::Grey),
+            false => (format!("wanted of {design}"), own),
         };
-        Series::new(&name, Colour::Grey, Mark::Line, vec![(mm, 0.0), (mm, 100.0)])
+        Series::new(&name, colour, Mark::Dashed, vec![(mm, 0.0), (mm, 100.0)])
     }));
     let axes = [
         Axis::linear("Displacement [mm]", low - margin, high + margin),

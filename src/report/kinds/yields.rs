@@ -9,7 +9,7 @@ use crate::designs::Design;
 use crate::drawing::Sheet;
 use crate::error::ReportError;
 use crate::figures::{DesignYields, reached_chart, yields_sheet};
-use crate::format::{mm, number, percents};
+use crate::format::{mm, number, percents, three};
 use crate::html::{Column, Page};
 use crate::presenter::{Figures, Headline, Presenter, Results};
 use crate::summary::design_title;
@@ -26,6 +26,8 @@ const MOST_DRAWN: usize = 6;
 const LOW: f64 = 0.05;
 /// Shares of the variance below this are not listed.
 const LISTED: f64 = 0.005;
+/// Errors of these shares below this are not told.
+const LEAST_WITHIN: f64 = 5e-4;
 
 /// What a yield stage found.
 #[derive(Debug, Serialize)]
@@ -127,8 +129,10 @@ pub(crate) fn devices_of(run: &RunArtifacts<'_>, design: &Design) -> Result<Vec<
         words && numbers && one.pattern == design.pattern
     };
     let found = run.each("yield", |source| read_where(source, is_it))?;
-    let line = |found: &Found, design: &OfDesign| {
-        let mut parts = vec![design.spread()];
+    let line = |found: &Found, one: &OfDesign| {
+        let mut parts = vec![one.spread()];
+        parts.extend(one.off_from(design));
+        let design = one;
         parts.extend(design.quantile(LOW));
         parts.extend(design.wanted.as_ref().map(|_| design.main()));
         parts.extend(design.described.iter().cloned());
@@ -205,6 +209,21 @@ impl OfDesign {
         )
     }
 
+    /// Says how far the displacement as drawn on the mesh of the devices is from that of the verification, which is in
+    /// no interval of the devices; `None` if it is less than the interval of the mean.
+    fn off_from(&self, design: &Design) -> Option<String> {
+        let (drawn, simulated) = self.as_drawn_mm.zip(design.simulated_mm)?;
+        let [low, high] = self.mean_mm?.interval;
+        let off = drawn - simulated;
+        let more = if off < 0.0 { "less" } else { "more" };
+        (off.abs() > 0.5 * (high - low)).then(|| {
+            let off = three(off.abs());
+            format!(
+                "as drawn, the mesh of the devices gives {off} mm {more} than the verification, which is not in the ±"
+            )
+        })
+    }
+
     /// Describes the displacement that a share of the devices does not reach; `None` if it is not computed.
     fn quantile(&self, probability: f64) -> Option<String> {
         let found = self.quantiles_mm.iter().find(|one| one.probability == probability)?;
@@ -240,10 +259,13 @@ impl OfDesign {
         parts.extend(self.as_drawn_mm.map(|drawn| format!("as drawn {} mm", mm(drawn))));
         let listed = self.ordered.iter().filter(|(_, share)| *share >= LISTED);
         let within = listed.map(|(_, share)| share_within(*share, self.displacements.len()));
-        let within = percents(within.fold(0.0, f64::max));
+        let within = within.fold(0.0, f64::max);
+        // A share of 100 % has no error.
+        let within = (within >= LEAST_WITHIN).then(|| format!(", each ± {}", percents(within)));
+        let within = within.unwrap_or_default();
         parts.extend(
             self.decisive()
-                .map(|shares| format!("the variance is that of {shares} (estimates, each within {within})")),
+                .map(|shares| format!("shares of the variance: {shares}{within}")),
         );
         parts.extend(self.described.iter().cloned());
         format!("{}: {}", self.title, parts.join("; "))
