@@ -272,6 +272,7 @@ mod tests {
             simulated_deg: None,
             predicted_ml: None,
             simulated_ml: None,
+            simulated_error_ml: None,
             simulated_mm: simulated,
             simulated_error_mm: None,
             difference_mm: simulated.map(|simulated| predicted - simulated),

@@ -15,10 +15,10 @@ use super::designs::{
     without_difference,
 };
 use super::error::ReportError;
-use super::format::{counted, mm, mm_measured, percents, three};
+use super::format::{counted, mm, percents, three};
 use super::intervals::{self, NetworkInterval};
 use super::presenter::Headline;
-use deaflow_base::{four_digits, measured, rounded_by};
+use deaflow_base::{four_digits, measured};
 use deaflow_content::{
     DesignRank, Verification, VerificationView, best_design, best_of_targets, is_met, predicted_rows,
 };
@@ -87,6 +87,9 @@ pub struct RowSummary {
     /// The simulated change of the volume in ml, if values are mean heights of volumes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub simulated_ml: Option<f64>,
+    /// Its estimated error in ml.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub simulated_error_ml: Option<f64>,
     /// By finite elements, in mm; `None` without a stable solution.
     pub simulated_mm: Option<f64>,
     /// Its estimated error, in mm.
@@ -166,10 +169,15 @@ impl RowSummary {
         design_title(&self.case, &self.name, self.member, self.role)
     }
 
-    /// Rounds a displacement of the simulation in mm by its estimated error, if that is known.
+    /// Rounds a value of the simulation by its estimated error, if that is known; without its unit.
     fn rounded(&self, value: f64) -> String {
-        self.simulated_error_mm
-            .map_or_else(|| mm(value), |error| rounded_by(value, error))
+        self.objective.rounded(value, self.simulated_error_mm)
+    }
+
+    /// Writes the same with its unit.
+    fn with_unit(&self, value: f64) -> String {
+        let (unit, angle) = (self.objective.shown_unit(), self.objective.converted(value));
+        format!("{} {unit}{angle}", self.rounded(value))
     }
 
     /// Says what the value of a robust objective is; `None` of other objectives.
@@ -201,9 +209,9 @@ impl RowSummary {
     }
 
     /// Says how near it comes to the optimum; `None` of the optimum itself and of intuitive designs.
-    fn to_optimum(&self, unit: &str) -> Option<String> {
+    fn to_optimum(&self) -> Option<String> {
         let is_shown = self.role != Role::Optimum && self.role.is_compared();
-        self.compared.to_optimum(unit).filter(|_| is_shown)
+        self.compared.to_optimum(&self.objective).filter(|_| is_shown)
     }
 
     fn to_compare(&self) -> Compared<'_> {
@@ -264,7 +272,7 @@ impl VerificationSummary {
     /// Describes the best design of one target, or the range of the designs of several.
     #[must_use]
     pub fn result(&self) -> Headline {
-        let (stage, unit) = (&self.stage, self.unit);
+        let stage = &self.stage;
         let designs: Vec<&RowSummary> = found(&self.rows).collect();
         let solved: Vec<(&RowSummary, f64)> = designs
             .iter()
@@ -280,8 +288,7 @@ impl VerificationSummary {
                 _ => {
                     let drawn = self.rows.iter().find_map(|row| Some((row, row.simulated_mm?)));
                     let drawn = drawn.map_or_else(String::new, |(row, value)| {
-                        let angle = row.objective.converted(value);
-                        format!("; {}: {} {unit}{angle}", role_name(row.role), row.rounded(value))
+                        format!("; {}: {}", role_name(row.role), row.with_unit(value))
                     });
                     format!("{stage}: no stable solution was found for any design that was searched{drawn}")
                 }
@@ -295,10 +302,16 @@ impl VerificationSummary {
                 most = if design.1 > most.1 { design } else { most };
             }
             let angles = angles([least, most]);
-            let [least, most] = [least, most].map(|(row, value)| row.rounded(value));
+            let units = [least, most].map(|(row, _)| row.objective.shown_unit());
+            let first = match units[0] == units[1] {
+                true => least.0.rounded(least.1),
+                false => least.0.with_unit(least.1),
+            };
             let text = format!(
-                "{stage}: {} designs, simulated {least} to {most} {unit}{angles}",
-                designs.len()
+                "{stage}: {} designs, simulated {first} to {} {}{angles}",
+                designs.len(),
+                most.0.rounded(most.1),
+                units[1]
             );
             return match violating(&designs) {
                 0 => Headline::good(text),
@@ -307,44 +320,30 @@ impl VerificationSummary {
         }
         let mut text = format!("{stage}: best design ({})", role_name(best.role));
         if let Some(predicted) = best.comparable_prediction_mm() {
-            text += &format!(
-                ", predicted {} {unit}{}",
-                mm(predicted),
-                best.objective.converted(predicted)
-            );
+            text += &format!(", predicted {}", best.objective.text(predicted));
         }
         let word = simulation_word(best.outcome);
         let estimated = best.simulated_error_mm.map_or("", |_| " (mesh)");
-        text += &format!(
-            ", {word} {} {unit}{estimated}{}",
-            mm_measured(best_mm, best.simulated_error_mm),
-            best.objective.converted(best_mm)
-        );
+        let unit = best.objective.shown_unit();
+        let simulated = best.objective.text_measured(best_mm, best.simulated_error_mm);
+        let simulated = simulated.replacen(unit, &format!("{unit}{estimated}"), 1);
+        text += &format!(", {word} {simulated}");
         if let Some(robust) = best.robust_text() {
             text += &format!(", {robust}");
         }
         if let Some(distance) = best.distance_mm {
-            text += &format!(
-                ", {} mm{} from the target",
-                three(distance),
-                best.objective.converted(distance)
-            );
-        } else if let [own, Some(gain)] = best.compared.gains {
-            text += &format!(", {} over the intuitive design at equal area", gain.text(unit));
-            if let Some(own) = own.filter(|own| own.differs_from(gain)) {
-                let area = nearest_of(best, &self.rows, Role::Intuitive)
-                    .map_or_else(String::new, |other| format!(" ({})", percents(other.area)));
-                text += &format!(" and {} over it at its own area{area}", own.text(unit));
+            text += &format!(", {} from the target", best.objective.difference_text(distance));
+        } else {
+            let mut over = best.compared.over_intuitive(best.area, &best.objective);
+            if !best.compared.has_two_gains() {
+                over.truncate(1);
             }
-        } else if let [Some(gain), None] = best.compared.gains {
-            text += &format!(
-                ", {} over the intuitive design, which has a different area",
-                gain.text(unit)
-            );
-        } else if let Some(none) = best.compared.without_intuitive() {
-            text += &format!(", {none}");
+            if over.is_empty() {
+                over.extend(best.compared.without_intuitive().map(str::to_owned));
+            }
+            over.iter().for_each(|over| text += &format!(", {over}"));
         }
-        if let Some(share) = best.to_optimum(unit) {
+        if let Some(share) = best.to_optimum() {
             text += &format!(", {share}");
         }
         if let Some(alike) = self.without_difference(best) {
@@ -495,6 +494,7 @@ fn rows_of(
             simulated_deg: simulated_mm.and_then(|value| objective.degrees(value)),
             predicted_ml: predicted_mm.and_then(|value| objective.millilitres(value)),
             simulated_ml: simulated_mm.and_then(|value| objective.millilitres(value)),
+            simulated_error_ml: known.and_then(|row| objective.millilitres(component.error[row])),
             simulated_mm,
             simulated_error_mm: known.map(|row| component.error[row]),
             difference_mm: predicted_mm
@@ -521,13 +521,6 @@ fn rows_of(
         }
     };
     Ok((0..names.len()).map(row).collect())
-}
-
-/// Returns the pattern of the same target with a role and the nearest area.
-fn nearest_of<'r>(row: &RowSummary, rows: &'r [RowSummary], role: Role) -> Option<&'r RowSummary> {
-    let of_role = rows.iter().filter(|other| other.role == role && other.same_target(row));
-    let distance = |other: &RowSummary| (other.area - row.area).abs();
-    of_role.min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
 /// Adds the comparisons with the other patterns of the target to a row.
@@ -580,7 +573,7 @@ impl fmt::Display for VerificationSummary {
             .max()
             .unwrap_or(0);
         for row in &self.rows {
-            writeln!(f, "  {:<width$}  {}", row.title(), Line(row, self.unit))?;
+            writeln!(f, "  {:<width$}  {}", row.title(), Line(row))?;
         }
         if self.rows.iter().any(|row| row.simulated_error_mm.is_some()) {
             writeln!(
@@ -659,28 +652,32 @@ fn simulation_word(outcome: OutcomeKind) -> &'static str {
 }
 
 /// The numbers of a row, with the unit of its values.
-struct Line<'a>(&'a RowSummary, &'static str);
+struct Line<'a>(&'a RowSummary);
 
 impl fmt::Display for Line<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self(row, unit) = self;
+        let (row, objective) = (self.0, &self.0.objective);
+        let unit = objective.shown_unit();
         write!(f, "area {:>5.1} %, {:>6} mm²", 100.0 * row.area, three(row.area_mm2))?;
         match row.predicted_mm {
             Some(value) => write!(
                 f,
                 "  predicted {:>7} {unit}{}",
-                mm(value),
-                row.objective.converted(value)
+                mm(objective.shown(value)),
+                objective.converted(value)
             )?,
             None => write!(f, "  no prediction       ")?,
         }
         let word = simulation_word(row.outcome);
         match (row.simulated_mm, row.simulated_error_mm) {
             (Some(value), Some(error)) => {
-                let angle = row.objective.converted(value);
-                write!(f, "  {word} {:>16} {unit}{angle}", measured(value, error))?;
+                let number = measured(objective.shown(value), objective.shown(error));
+                write!(f, "  {word} {number:>16} {unit}{}", objective.converted(value))?;
             }
-            (Some(value), None) => write!(f, "  {word} {:>7} {unit}{}", mm(value), row.objective.converted(value))?,
+            (Some(value), None) => {
+                let number = mm(objective.shown(value));
+                write!(f, "  {word} {number:>7} {unit}{}", objective.converted(value))?;
+            }
             (None, _) => write!(f, "  no stable solution was found: {}", row.outcome)?,
         }
         if let Some(robust) = row.robust_text() {
@@ -690,24 +687,14 @@ impl fmt::Display for Line<'_> {
             write!(f, "  {interval}")?;
         }
         if let Some(distance) = row.distance_mm {
-            write!(
-                f,
-                "  {} mm{} from the target",
-                three(distance),
-                row.objective.converted(distance)
-            )?;
+            write!(f, "  {} from the target", objective.difference_text(distance))?;
         }
-        match row.compared.gains.map(|gain| Some(gain?.text(unit))) {
-            [Some(own), Some(equal)] => write!(f, "  gain over the intuitive design {own}, {equal} at equal area")?,
-            [Some(own), None] => write!(f, "  gain over the intuitive design {own}")?,
-            [None, Some(equal)] => write!(f, "  gain over the intuitive design {equal} at equal area")?,
-            [None, None] => {
-                if let Some(none) = row.compared.without_intuitive() {
-                    write!(f, "  {none}")?;
-                }
-            }
+        match (row.compared.gains_text(objective), row.compared.without_intuitive()) {
+            (Some(gains), _) => write!(f, "  {gains}")?,
+            (None, Some(none)) => write!(f, "  {none}")?,
+            (None, None) => {}
         }
-        if let Some(share) = row.to_optimum(unit) {
+        if let Some(share) = row.to_optimum() {
             write!(f, "  {share}")?;
         }
         match row.status.as_str() {

@@ -454,6 +454,7 @@ mod tests {
             description: String::new(),
             unit: unit.to_owned(),
             value,
+            ml_per_mm: None,
         };
         let mut point = design(Role::Ga, 20, None);
         point.front = Some(FrontPlace {

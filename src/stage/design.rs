@@ -17,7 +17,9 @@ use std::time::Instant;
 
 use serde_json::json;
 
-use super::results::{CHARGE, CHARGE_HYPERVOLUME, HYPERVOLUME, PREDICTED_REACTION, of_targets};
+use super::results::{
+    CHARGE, CHARGE_HYPERVOLUME, HYPERVOLUME, PREDICTED_REACTION, PREDICTED_VOLUME, ml_per_mm, of_targets,
+};
 use super::{drive_check, model, needed, scene};
 use deaflow_base::{Canonical, Declared, Document, Fields, InputError, Map, Node, Parameter, Stopped, parameters};
 use deaflow_content::{DesignRank, Designs, best_of_targets};
@@ -207,6 +209,12 @@ impl Kind for DesignKind {
             _ => "predicted",
         };
         let mut results = of_targets(&found, &[(value, &values), ("area", &rows.area().read()?)]);
+        let (objectives, scene) = (rows.objective().read()?.0, view.scene().read()?);
+        let factors: Option<Vec<f64>> = objectives.iter().map(|text| ml_per_mm(text, &scene)).collect();
+        if let Some(factors) = factors {
+            let volumes: Vec<f64> = values.iter().zip(&factors).map(|(value, ml)| value * ml).collect();
+            results.extend(of_targets(&found, &[(PREDICTED_VOLUME, &volumes)]));
+        }
         if let Some(robust) = view.robust().read()? {
             results.extend(of_targets(&found, &[("robust", &robust)]));
         }
@@ -834,7 +842,14 @@ impl Stage for DesignStage {
             options: &self.options,
             drivers: &drivers,
             elements: &ForTarget::new(self, target, job.scratch),
-            progress: &Follow::new(job, self.options.generations, target.goal.unit()),
+            progress: &Follow::new(
+                job,
+                self.options.generations,
+                match ml_per_mm(&target.objective.to_text(), &scene) {
+                    Some(ml_per_mm) => (ml_per_mm, "ml"),
+                    None => (1.0, target.goal.unit()),
+                },
+            ),
         };
         let (method, searched) = (self.options.method.name(), format!("search; {}", target.name));
         if let Some(front) = &self.task.front {

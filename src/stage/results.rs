@@ -1,8 +1,12 @@
 //! The results of stages: numbers by name.
 
+use std::path::Path;
+
+use deaflow_base::Document;
 use deaflow_content::{ArtifactKind, Samples, Solutions};
 use deaflow_field::{CHARGE_UNIT, REACTION_UNIT};
 use deaflow_orchestrator::StageError;
+use deaflow_scene::Scene;
 use deaflow_store::Artifact;
 
 /// Makes results from names and numbers.
@@ -28,13 +32,22 @@ pub fn words_of(kind: &str) -> &'static [&'static str] {
         ArtifactKind::Design => &[
             "predicted",
             "predicted_reaction",
+            PREDICTED_VOLUME,
             "robust",
             "area",
             CHARGE,
             HYPERVOLUME,
             CHARGE_HYPERVOLUME,
         ],
-        ArtifactKind::Verify => &["displacement", "reaction", "area", "predicted", "predicted_reaction"],
+        ArtifactKind::Verify => &[
+            VOLUME,
+            "displacement",
+            "reaction",
+            "area",
+            PREDICTED_VOLUME,
+            "predicted",
+            "predicted_reaction",
+        ],
         ArtifactKind::Yield => &["yield", "mean", "deviation", "failed"],
         ArtifactKind::Accuracy => &["max_error"],
         ArtifactKind::Audit => &["rows", "errors", "warnings"],
@@ -60,6 +73,7 @@ pub fn unit(name: &str) -> &'static str {
     let word = name.split('.').next().unwrap_or(name);
     match word {
         REACTION | PREDICTED_REACTION => REACTION_UNIT,
+        VOLUME | PREDICTED_VOLUME => "ml",
         CHARGE => CHARGE_UNIT,
         CHARGE_HYPERVOLUME => "mm nC",
         word if LENGTHS.contains(&word) => "mm",
@@ -70,6 +84,24 @@ pub fn unit(name: &str) -> &'static str {
 /// The simulated and the predicted value of a design whose objective is a `reaction`.
 pub const REACTION: &str = "reaction";
 pub const PREDICTED_REACTION: &str = "predicted_reaction";
+
+/// The simulated and the predicted change of the volume of a design whose objective is a `volume`; its value in files
+/// is the mean height, which is the result `displacement`.
+pub const VOLUME: &str = "volume";
+pub const PREDICTED_VOLUME: &str = "predicted_volume";
+
+/// Returns the volume in ml of a mean height of 1 mm over the rectangle of a scene, if an objective is one volume or
+/// several; `None` for others.
+pub fn ml_per_mm(objective: &str, scene: &Scene) -> Option<f64> {
+    let document = Document::from_text(Path::new("objective"), objective).ok()?;
+    let root = &document.root;
+    let targets = match root.peek("points") {
+        Some(points) => points.list("points").ok()?,
+        None => std::slice::from_ref(root),
+    };
+    let are_volumes = !targets.is_empty() && targets.iter().all(|target| target.peek("volume").is_some());
+    are_volumes.then(|| 1e-3 * scene.membrane().size_mm.iter().product::<f64>())
+}
 
 /// The hypervolume of a front of displacements: in mm, as areas are fractions.
 pub const HYPERVOLUME: &str = "hypervolume";
@@ -142,6 +174,22 @@ mod tests {
         let two = of_targets(&[("a", 3), ("b", 1)], &[("value", &numbers)]);
         assert_eq!(two, named([("value.a", 4.0), ("value.b", 2.0)]));
         assert_eq!(of_targets(&[], &[("value", &numbers)]), Vec::new());
+    }
+
+    #[test]
+    fn objectives_are_volumes_if_all_their_targets_are() {
+        let scene = Scene::vhb4910();
+        let of = |text: &str| ml_per_mm(text, &scene);
+        assert_eq!(of("{ volume: largest, measure: displacement }"), Some(2.5));
+        assert_eq!(
+            of("{ points: [{ volume: 1 ml, state: a }, { volume: 2 ml, state: b }] }"),
+            Some(2.5)
+        );
+        assert_eq!(
+            of("{ points: [{ volume: 1 ml }, { point: [1, 2], height: up }] }"),
+            None
+        );
+        assert_eq!(of("{ point: [1, 2], direction: 0 }"), None);
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::design::{self, amplitude_solver};
-use super::results::{PREDICTED_REACTION, REACTION, of_targets};
+use super::results::{PREDICTED_REACTION, PREDICTED_VOLUME, REACTION, VOLUME, ml_per_mm, of_targets};
 use super::{drive_check, needed, patterns, scene, solution};
 use deaflow_base::{Canonical, Fields, InputError, Map, Node};
 use deaflow_content::{
@@ -60,10 +60,14 @@ impl Kind for VerifyKind {
         let area = view.rows().area().read()?;
         results.extend(of_targets(&best.places(|one| Some(one.row)), &[("area", &area)]));
         let predicted = view.component().predicted().read()?;
-        results.extend(of_targets(
-            &best.places(|one| one.prediction),
-            &[(predicted_name, &predicted)],
-        ));
+        let predictions = best.places(|one| one.prediction);
+        results.extend(of_targets(&predictions, &[(predicted_name, &predicted)]));
+        if let Some(ml_per_mm) = common_ml_per_mm(&view)? {
+            let [simulated, predicted] = [simulated, predicted].map(|values| in_ml(&values, ml_per_mm));
+            let fields = best.places(|one| Some(one.field));
+            results.extend(of_targets(&fields, &[(VOLUME, &simulated)]));
+            results.extend(of_targets(&predictions, &[(PREDICTED_VOLUME, &predicted)]));
+        }
         Ok(results)
     }
 
@@ -77,7 +81,11 @@ impl Kind for VerifyKind {
         let errors: Vec<f64> = both
             .map(|(error, known)| if known == 1 { error } else { f64::NAN })
             .collect();
-        let mut results = of_targets(&best.places(|one| Some(one.field)), &[(name, &errors)]);
+        let fields = best.places(|one| Some(one.field));
+        let mut results = of_targets(&fields, &[(name, &errors)]);
+        if let Some(ml_per_mm) = common_ml_per_mm(&view)? {
+            results.extend(of_targets(&fields, &[(VOLUME, &in_ml(&errors, ml_per_mm))]));
+        }
         results.retain(|(_, error)| error.is_finite());
         Ok(results)
     }
@@ -187,6 +195,19 @@ fn names_of_values(view: &VerificationView<'_>) -> Result<[&'static str; 2], Sta
         REACTION_UNIT => [REACTION, PREDICTED_REACTION],
         _ => ["displacement", "predicted"],
     })
+}
+
+/// Returns the volume in ml of a value of 1 mm, if the objectives of all designs are volumes.
+fn common_ml_per_mm(view: &VerificationView<'_>) -> Result<Option<f64>, StageError> {
+    let scene = view.scene().read()?;
+    let objectives = view.rows().objective().read()?.0;
+    let each: Option<Vec<f64>> = objectives.iter().map(|text| ml_per_mm(text, &scene)).collect();
+    Ok(each.and_then(|each| each.first().copied()))
+}
+
+/// Converts mean heights in mm to volumes.
+fn in_ml(values: &[f64], ml_per_mm: f64) -> Vec<f64> {
+    values.iter().map(|value| ml_per_mm * value).collect()
 }
 
 const WHAT: &str = "a verify stage";

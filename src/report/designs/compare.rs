@@ -1,7 +1,10 @@
 //! Comparison of a design with the intuitive designs, at its own and at equal area, and with the best of the gradient
 //! search.
 
+use std::cmp::Ordering;
+
 use super::design::{Comparison, Design, LEAST_MM, SAME_AREA};
+use super::objective::Objective;
 use crate::format::{change, percents, signed, three};
 use deaflow_content::is_met;
 use deaflow_field::NO_FIELD;
@@ -90,6 +93,7 @@ pub(crate) fn comparison(own: &Compared<'_>, all: &[Compared<'_>]) -> Comparison
     let is_compared = ratio.is_some() || difference_mm.is_some();
     let [intuitive_own, intuitive_equal_area] = intuitive.map(|other| other?.simulated_mm);
     let gains = intuitive.map(|other| gain(own, other?));
+    let areas = intuitive.map(|other| other.map(|other| other.area));
     // One that violates its constraints itself is compared with any.
     let is_strict = own.status.is_empty() || is_met(own.status);
     let violating = intuitive.map(|other| is_strict && other.is_some_and(|other| !other.is_feasible()));
@@ -99,7 +103,13 @@ pub(crate) fn comparison(own: &Compared<'_>, all: &[Compared<'_>]) -> Comparison
         intuitive_own,
         intuitive_equal_area,
         gains: [0, 1].map(|over| gains[over].filter(|_| !violating[over])),
-        violating,
+        over: [0, 1].map(|over| {
+            Some(OverIntuitive {
+                gain: gains[over]?,
+                area: areas[over]?,
+                is_violating: violating[over],
+            })
+        }),
         is_incomparable: is_strict && has_gain && !has_feasible,
         optimum: best.map(|(_, mm)| mm),
         ratio,
@@ -135,15 +145,63 @@ impl Comparison {
     /// Says how near the pattern comes to the optimum: the share of it, or the difference in the unit of the values if
     /// they move in opposite directions; `None` if neither is known.
     #[must_use]
-    pub fn to_optimum(self, unit: &str) -> Option<String> {
+    pub fn to_optimum(self, objective: &Objective) -> Option<String> {
         let optimum = self.optimum_is?;
         match (self.ratio, self.difference_mm) {
             (Some(ratio), _) => Some(format!("{} of {optimum}", percents(ratio))),
-            (None, Some(difference)) => {
-                let word = if difference < 0.0 { "less" } else { "more" };
-                Some(format!("{} {unit} {word} than {optimum}", three(difference.abs())))
-            }
+            (None, Some(difference)) => Some(format!("{} {optimum}", Gain::Difference(difference).than(objective))),
             (None, None) => None,
+        }
+    }
+
+    /// Says how much more than the intuitive designs a pattern of this area reaches: first than that of the same area,
+    /// even if that violates constraints, then than the other one with its area, unless that violates constraints.
+    #[must_use]
+    pub fn over_intuitive(self, area: f64, objective: &Objective) -> Vec<String> {
+        let [own, equal] = self.over;
+        let is_same = |other: f64| (other - area).abs() <= SAME_AREA;
+        let sentence = |over: OverIntuitive| {
+            let than = over.gain.than(objective);
+            let which = match (is_same(over.area), over.is_violating) {
+                (true, false) => " of the same area".to_owned(),
+                (true, true) => " of the same area, which violates constraints".to_owned(),
+                (false, _) => {
+                    let [other, area] = [over.area, area].map(percents);
+                    format!(", which covers {other} of the membrane instead of {area}")
+                }
+            };
+            format!("{than} the intuitive design{which}")
+        };
+        let is_other = |own: &OverIntuitive| equal.is_none() || !is_same(own.area);
+        let own = own.filter(|own| !own.is_violating && is_other(own));
+        equal.into_iter().chain(own).map(sentence).collect()
+    }
+
+    /// Writes the gains over the intuitive designs for a table: first that at equal area, as in
+    /// [`Self::over_intuitive`].
+    #[must_use]
+    pub fn gains_text(self, objective: &Objective) -> Option<String> {
+        let [own, equal] = self.over;
+        let own = own.filter(|own| !own.is_violating);
+        let own = own.map(|own| format!("{} at its area of {}", own.gain.text(objective), percents(own.area)));
+        let equal = equal.map(|equal| {
+            let violates = if equal.is_violating {
+                ", which violates constraints"
+            } else {
+                ""
+            };
+            format!("{} at equal area{violates}", equal.gain.text(objective))
+        });
+        let both: Vec<String> = equal.into_iter().chain(own).collect();
+        (!both.is_empty()).then(|| format!("gain over the intuitive design {}", both.join(", ")))
+    }
+
+    /// Whether the gain over the intuitive design at its own area adds much to that at equal area.
+    #[must_use]
+    pub fn has_two_gains(self) -> bool {
+        match self.over {
+            [Some(own), Some(equal)] => equal.is_violating || own.gain.differs_from(equal.gain),
+            _ => false,
         }
     }
 
@@ -156,8 +214,8 @@ impl Comparison {
 
     /// Writes the same as a cell of a table: `97.5 %`, or `−3.00 mm`.
     #[must_use]
-    pub fn share_text(self, unit: &str) -> Option<String> {
-        let difference = |value: f64| Gain::Difference(value).text(unit);
+    pub fn share_text(self, objective: &Objective) -> Option<String> {
+        let difference = |value: f64| Gain::Difference(value).text(objective);
         let share = self.ratio.map(percents);
         share.or_else(|| self.difference_mm.map(difference))
     }
@@ -232,10 +290,29 @@ impl Gain {
     }
 
     /// Writes it with its sign: `+25.0 %`, or `+1.99 mm`.
-    pub fn text(self, unit: &str) -> String {
+    pub fn text(self, objective: &Objective) -> String {
         match self {
             Self::Fraction(fraction) => change(fraction),
-            Self::Difference(difference) => format!("{} {unit}", signed(three(difference), difference)),
+            Self::Difference(difference) => {
+                let number = three(objective.shown(difference));
+                format!("{} {}", signed(number, difference), objective.shown_unit())
+            }
+        }
+    }
+
+    /// Writes it in words, to be followed by what it is a gain over: `25.0 % more than`, `1.99 mm less than`.
+    fn than(self, objective: &Objective) -> String {
+        let (size, more) = match self {
+            Self::Fraction(fraction) => (percents(fraction.abs()), fraction),
+            Self::Difference(difference) => {
+                let number = three(objective.shown(difference.abs()));
+                (format!("{number} {}", objective.shown_unit()), difference)
+            }
+        };
+        match more.partial_cmp(&0.0) {
+            Some(Ordering::Equal) => "as much as".to_owned(),
+            Some(Ordering::Less) => format!("{size} less than"),
+            _ => format!("{size} more than"),
         }
     }
 
@@ -246,6 +323,16 @@ impl Gain {
             _ => self != other,
         }
     }
+}
+
+/// The comparison with one of the intuitive designs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct OverIntuitive {
+    pub gain: Gain,
+    /// The area of the intuitive design, a share of the free membrane.
+    pub area: f64,
+    /// Whether that design violates the constraints of the target, which the compared one satisfies.
+    pub is_violating: bool,
 }
 
 #[cfg(test)]
@@ -348,7 +435,7 @@ pub(crate) mod tests {
             assert_eq!(found.ratio, ratio, "{own}, {optimum}");
             assert_eq!(found.difference_mm.is_some(), difference.is_some(), "{own}, {optimum}");
             if let Some(text) = difference {
-                assert_eq!(found.to_optimum("mm"), Some(format!("{text}{SAME}")));
+                assert_eq!(found.to_optimum(&both[0].objective), Some(format!("{text}{SAME}")));
             }
         }
     }
@@ -368,7 +455,11 @@ pub(crate) mod tests {
             compare(&mut both);
             assert_eq!(both[0].compared.gains, [Some(gain), None], "{other} ± {error:?}");
             assert_eq!(both[1].compared.gains, [None; 2], "over itself");
-            assert_eq!(both[0].gain_texts(), [Some(gain.text("mm")), None], "as in pages");
+            assert_eq!(
+                both[0].gain_texts(),
+                [Some(gain.text(&both[0].objective)), None],
+                "as in pages"
+            );
         }
     }
 

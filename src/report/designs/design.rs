@@ -2,14 +2,13 @@
 
 use std::sync::Arc;
 
-use super::compare::Gain;
+use super::compare::{Gain, OverIntuitive};
 use super::front::{FrontPlace, OtherObjective};
 use super::objective::{Objective, TargetPoint};
 use super::small_islands::small_islands;
 use super::ties::Place;
 use crate::artifacts::StageArtifact;
 use crate::drawing::{Background, DeformedMembrane};
-use crate::format::mm;
 use crate::intervals::NetworkInterval;
 use deaflow_content::DesignRank;
 use deaflow_field::{Field, OutcomeKind};
@@ -96,8 +95,8 @@ pub struct Comparison {
     /// Gains over these two; none if a given displacement is to be reached, as a larger one is not better then, or over
     /// a design that violates the constraints.
     pub(crate) gains: [Option<Gain>; 2],
-    /// Whether these two violate the constraints of the target, which this design satisfies.
-    pub(crate) violating: [bool; 2],
+    /// The same with the areas of these two; also over one that violates the constraints.
+    pub(crate) over: [Option<OverIntuitive>; 2],
     /// Whether this design is compared with intuitive designs, but all of them violate the constraints.
     pub(crate) is_incomparable: bool,
     /// Of the optimum: the best one on the same units, or else the best of all.
@@ -167,7 +166,9 @@ impl Design {
     }
 
     fn deformed(&self, field: &[f64], state: Option<&StateField>) -> Option<DeformedMembrane> {
-        let is_in = |target: &&TargetPoint| state.is_none_or(|state| target.state.as_ref() == Some(&state.name));
+        let is_in = |target: &&TargetPoint| {
+            target.has_point() && state.is_none_or(|state| target.state.as_ref() == Some(&state.name))
+        };
         let points = self
             .objective
             .points()
@@ -199,18 +200,6 @@ impl Design {
             false => "units",
         };
         format!("{columns} × {rows} {what}")
-    }
-
-    /// Describes them with the option that selects the design, where that is another number, as on membranes with more
-    /// cells: `60 × 60 cells (--units 50)`.
-    #[must_use]
-    pub fn units_with_option(&self) -> String {
-        let text = self.units_text();
-        let units = usize::try_from(self.units);
-        match self.unit_sides().into_iter().all(|side| units == Ok(side)) {
-            true => text,
-            false => format!("{text} (--units {})", self.units),
-        }
     }
 
     /// Says how many of its electrodes are smaller than a unit of the genetic algorithm; `None` if none is.
@@ -245,14 +234,19 @@ impl Design {
     /// Writes the gains over the intuitive design at its own area and at the area of this one, with their sign.
     #[must_use]
     pub fn gain_texts(&self) -> [Option<String>; 2] {
-        let unit = self.objective.unit();
-        self.compared.gains.map(|gain| Some(gain?.text(unit)))
+        self.compared.gains.map(|gain| Some(gain?.text(&self.objective)))
+    }
+
+    /// Says how much more it reaches than the intuitive designs, with their areas.
+    #[must_use]
+    pub fn over_intuitive(&self) -> Vec<String> {
+        self.compared.over_intuitive(self.area, &self.objective)
     }
 
     /// Says how near it comes to the optimum; `None` of the optimum, or if they are not compared.
     #[must_use]
     pub fn to_optimum(&self) -> Option<String> {
-        let text = self.compared.to_optimum(self.objective.unit());
+        let text = self.compared.to_optimum(&self.objective);
         text.filter(|_| self.role != Role::Optimum)
     }
 
@@ -266,16 +260,14 @@ impl Design {
     /// Writes a value; one in another unit than mm with its unit, an arc length with its angle.
     #[must_use]
     pub fn number(&self, value: f64) -> String {
-        self.with_unit(mm(value)) + &self.objective.converted(value)
+        self.number_measured(value, None)
     }
 
-    /// Adds the unit to a number, if it is not mm.
+    /// Writes the same rounded by the estimated error, which follows if it is known.
     #[must_use]
-    pub fn with_unit(&self, number: String) -> String {
-        match self.objective.unit() {
-            "mm" => number,
-            unit => format!("{number} {unit}"),
-        }
+    pub fn number_measured(&self, value: f64, error: Option<f64>) -> String {
+        let text = self.objective.text_measured(value, error);
+        text.replacen(" mm", "", 1)
     }
 
     /// Returns the file of its mask, relative to the folder of the table; `None` for patterns that were not searched.
@@ -309,13 +301,6 @@ mod tests {
             let mut design = design(Role::Ga, units, None);
             design.pattern = Pattern::from_fn(raster, |_, _| true);
             assert_eq!(design.units_text(), expected);
-            let is_other = columns == 10 || rows == 8;
-            let option = if is_other {
-                format!(" (--units {units})")
-            } else {
-                String::new()
-            };
-            assert_eq!(design.units_with_option(), format!("{expected}{option}"));
         }
     }
 }

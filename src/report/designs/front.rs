@@ -1,6 +1,6 @@
 //! The place of a design in a front: several designs, of which no other is better in all objectives.
 
-use super::objective::Objective;
+use super::objective::{Objective, VOLUME_UNIT};
 use crate::artifacts::ArtifactReader;
 use crate::error::ReportError;
 use crate::format::{mm, percent};
@@ -31,6 +31,8 @@ pub struct OtherObjective {
     pub unit: String,
     /// The value of the design, as predicted by the search.
     pub value: f64,
+    /// The volume in ml of a value of 1 mm, if values are mean heights of volumes.
+    pub ml_per_mm: Option<f64>,
 }
 
 impl OtherObjective {
@@ -49,10 +51,11 @@ impl OtherObjective {
     /// Returns the value with its unit.
     #[must_use]
     pub fn value_text(&self) -> String {
-        match self.unit.as_str() {
-            SHARE => percent(self.value, 1),
-            CHARGE_UNIT => in_nano(self.value),
-            unit => format!("{} {unit}", mm(self.value)),
+        match (self.unit.as_str(), self.ml_per_mm) {
+            (SHARE, _) => percent(self.value, 1),
+            (CHARGE_UNIT, _) => in_nano(self.value),
+            (_, Some(ml_per_mm)) => format!("{} {VOLUME_UNIT}", mm(ml_per_mm * self.value)),
+            (unit, None) => format!("{} {unit}", mm(self.value)),
         }
     }
 }
@@ -74,6 +77,11 @@ pub(crate) fn objective_words(text: &str, unit: &str, scene: &Scene) -> String {
         CHARGE_UNIT => "charge".to_owned(),
         _ => Objective::read(text, scene).map_or_else(|_| text.to_owned(), |read| read.words()),
     }
+}
+
+/// Returns the volume in ml of a mean height of 1 mm, if an objective is a volume.
+pub(crate) fn ml_per_mm(text: &str, scene: &Scene) -> Option<f64> {
+    Objective::read(text, scene).ok()?.ml_per_mm
 }
 
 /// Describes a point of a front: the value of its first objective, those of others that are no area or charge, its
@@ -111,6 +119,7 @@ pub(super) fn places(
                 description: objective_words(text, unit, scene),
                 unit: unit.to_owned(),
                 value,
+                ml_per_mm: None,
             }])
         };
         return Ok(areas.into_iter().enumerate().map(cost).collect());
@@ -124,6 +133,7 @@ pub(super) fn places(
             description: objective_words(text, unit, scene),
             unit: unit.clone(),
             value: *value,
+            ml_per_mm: ml_per_mm(text, scene),
         });
         place(others.collect())
     });

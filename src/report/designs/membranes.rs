@@ -22,7 +22,8 @@ pub(crate) fn membranes<'f>(
     let state = scene.states.iter().next().map(|(name, _)| name.to_owned());
     let membrane = |(row, field): (usize, &Field)| {
         let objective = Objective::read(&objectives.0[row], &scene).map_err(|e| source.wrong(e.to_string()))?;
-        let points = objective.targets.iter().map(|target| target.point).collect();
+        let points = objective.targets.iter().filter(|target| target.has_point());
+        let points = points.map(|target| target.point).collect();
         let drawn = DeformedMembrane::new(patterns[row].cells(), field.values(), background.clone(), points);
         Ok(source.drawn(drawn)?.in_state(state.clone()))
     };

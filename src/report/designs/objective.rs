@@ -3,8 +3,8 @@
 use std::fmt;
 use std::path::Path;
 
-use crate::format::mm;
-use deaflow_base::{Dimension, Document, InputError, Node, Parameter, four_digits};
+use crate::format::{mm, mm_measured, three};
+use deaflow_base::{Dimension, Document, InputError, Node, Parameter, four_digits, rounded_by};
 use deaflow_field::REACTION_UNIT;
 use deaflow_scene::{Edge, Scene, Shape};
 
@@ -82,6 +82,9 @@ fn rounded(value: f64) -> f64 {
     (1e9 * value).round() / 1e9 + 0.0
 }
 
+/// The unit of volumes for people.
+pub const VOLUME_UNIT: &str = "ml";
+
 /// The measure of objectives whose displacement or angle is to be reached.
 const DISTANCE: &str = "distance";
 
@@ -126,11 +129,62 @@ impl Objective {
         })
     }
 
-    /// Returns the unit of its values: mN for forces of sides.
+    /// Returns the unit of its values in files: mN for forces of sides.
     #[must_use]
     pub fn unit(&self) -> &'static str {
         let is_reaction = self.targets.iter().any(|target| target.reaction.is_some());
         if is_reaction { REACTION_UNIT } else { "mm" }
+    }
+
+    /// Returns the unit of its values for people: ml for volumes, which files have as mean heights.
+    #[must_use]
+    pub fn shown_unit(&self) -> &'static str {
+        match self.ml_per_mm {
+            Some(_) => VOLUME_UNIT,
+            None => self.unit(),
+        }
+    }
+
+    /// Converts a value to [`Self::shown_unit`].
+    #[must_use]
+    pub fn shown(&self, value: f64) -> f64 {
+        self.ml_per_mm.unwrap_or(1.0) * value
+    }
+
+    /// Writes a value with its unit; an arc length with its angle.
+    #[must_use]
+    pub fn text(&self, value: f64) -> String {
+        format!(
+            "{} {}{}",
+            mm(self.shown(value)),
+            self.shown_unit(),
+            self.converted(value)
+        )
+    }
+
+    /// Writes the same rounded by the estimated error, which follows if it is known.
+    #[must_use]
+    pub fn text_measured(&self, value: f64, error: Option<f64>) -> String {
+        let number = mm_measured(self.shown(value), error.map(|error| self.shown(error)));
+        format!("{number} {}{}", self.shown_unit(), self.converted(value))
+    }
+
+    /// Writes a difference or an error with its unit and three digits.
+    #[must_use]
+    pub fn difference_text(&self, value: f64) -> String {
+        format!(
+            "{} {}{}",
+            three(self.shown(value)),
+            self.shown_unit(),
+            self.converted(value)
+        )
+    }
+
+    /// Rounds a value by its estimated error, if that is known; without its unit.
+    #[must_use]
+    pub fn rounded(&self, value: f64, error: Option<f64>) -> String {
+        let shown = self.shown(value);
+        error.map_or_else(|| mm(shown), |error| rounded_by(shown, self.shown(error)))
     }
 
     /// Returns what its values are.
@@ -140,7 +194,7 @@ impl Objective {
         if all(|target| matches!(target.motion, TargetMotion::Rise(_))) {
             "change of the height"
         } else if all(|target| matches!(target.motion, TargetMotion::Fill(_))) {
-            "change of the mean height"
+            quantity(VOLUME_UNIT)
         } else if all(|target| target.is_region) {
             "change of the radius"
         } else if all(TargetPoint::is_rotation) {
@@ -162,15 +216,11 @@ impl Objective {
         self.ml_per_mm.map(|ml_per_mm| ml_per_mm * value_mm)
     }
 
-    /// Writes what a value in mm stands for, to be put behind it: the angle of an arc length as ` (5.670°)`, the volume
-    /// of a mean height as ` (0.3140 ml)`; nothing for other values.
+    /// Writes the angle of an arc length in mm, to be put behind it, as ` (5.670°)`; nothing for other values.
     #[must_use]
     pub fn converted(&self, value_mm: f64) -> String {
-        match (self.degrees(value_mm), self.millilitres(value_mm)) {
-            (Some(degrees), _) => format!(" ({}°)", four_digits(degrees)),
-            (None, Some(volume)) => format!(" ({} ml)", four_digits(volume)),
-            (None, None) => String::new(),
-        }
+        let degrees = self.degrees(value_mm);
+        degrees.map_or_else(String::new, |degrees| format!(" ({}°)", four_digits(degrees)))
     }
 
     /// Returns the points that are listed; none for a field.
@@ -187,8 +237,7 @@ impl Objective {
     #[must_use]
     pub fn robust_text(&self, value: Option<f64>) -> Option<String> {
         let (words, value) = (self.robust.as_ref()?, value?);
-        let (unit, converted) = (self.unit(), self.converted(value));
-        Some(format!("{words} {} {unit}{converted}", mm(value)))
+        Some(format!("{words} {}", self.text(value)))
     }
 
     /// Returns a coordinate of each point in mm, separated by spaces.
@@ -220,7 +269,16 @@ impl Objective {
     /// Says what is measured, and of what, on one line.
     #[must_use]
     pub fn words(&self) -> String {
-        format!("{} of {}", self.quantity(), self.description())
+        let described = self.description();
+        // The description of a volume names it.
+        let quantity = match self.ml_per_mm {
+            Some(_) => "change",
+            None => self.quantity(),
+        };
+        match described.strip_prefix("the mean of ") {
+            Some(several) => format!("mean {quantity} of {several}"),
+            None => format!("{quantity} of {described}"),
+        }
     }
 
     /// Describes the objective on one line.
@@ -248,6 +306,12 @@ impl Objective {
 }
 
 impl TargetPoint {
+    /// Whether the target is at a point, and not the volume below the membrane.
+    #[must_use]
+    pub fn has_point(&self) -> bool {
+        !matches!(self.motion, TargetMotion::Fill(_))
+    }
+
     /// Whether a body or a bar is to rotate.
     fn is_rotation(&self) -> bool {
         matches!(self.motion, TargetMotion::Turn(_))
@@ -263,7 +327,9 @@ impl TargetPoint {
                 let [x, y] = self.point.map(rounded);
                 format!("the region about ({x}, {y}) mm")
             }
-            (None, None, None) if matches!(self.motion, TargetMotion::Fill(_)) => "the volume below".to_owned(),
+            (None, None, None) if matches!(self.motion, TargetMotion::Fill(_)) => {
+                "the volume below the membrane".to_owned()
+            }
             (None, None, None) => format!("({}, {}) mm", self.point[0], self.point[1]),
         };
         let motion = match (&self.motion, self.by) {
@@ -277,14 +343,8 @@ impl TargetPoint {
                 true => format!("with the {how} area strain"),
                 false => format!("with an area strain of {how}"),
             },
-            (TargetMotion::Rise(how), _) => match how.as_str() {
-                "up" | "down" => format!("moved {how}"),
-                _ => format!("moved up by {how}"),
-            },
-            (TargetMotion::Fill(how), _) => match how.starts_with(char::is_alphabetic) {
-                true => format!("with the {how} change"),
-                false => format!("changed by {how}"),
-            },
+            (TargetMotion::Rise(how), _) => format!("({how})"),
+            (TargetMotion::Fill(how), _) => format!("by the voltage ({how})"),
         };
         let state = self
             .state
@@ -342,6 +402,7 @@ fn ml_per_mm(targets: &[TargetPoint], scene: &Scene) -> Option<f64> {
 pub fn quantity(unit: &str) -> &'static str {
     match unit {
         REACTION_UNIT => "change of the force",
+        VOLUME_UNIT => "change of the volume",
         _ => "displacement",
     }
 }

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use maud::{Markup, PreEscaped, html};
 
-use crate::designs::{Design, TargetMotion};
+use crate::designs::{Design, TargetMotion, TargetPoint};
 use crate::drawing::{THOUSAND, described, direction, number};
 use crate::export::{mask_drawing, one_or_both, svg_elements};
 use crate::page::cards::ARROW;
@@ -88,7 +88,7 @@ impl PrintedMask {
                         }
                         p { (no_break_units("50 mm, if the print has its full size.")) }
                     }
-                    p { (no_break_units(&caption(&mask, reduction))) }
+                    p { (no_break_units(&caption(design, &mask, reduction))) }
                 }
             }
         };
@@ -99,7 +99,7 @@ impl PrintedMask {
     }
 }
 
-fn caption(mask: &Mask, reduction: f64) -> String {
+fn caption(design: &Design, mask: &Mask, reduction: f64) -> String {
     let scale = match reduction {
         1.0 => "Scale 1:1".to_owned(),
         smaller => format!("Scale 1:{}, as the page is too small", number(smaller, 3)),
@@ -117,7 +117,16 @@ fn caption(mask: &Mask, reduction: f64) -> String {
     if let Some(sides) = &mask.sides {
         let _ = write!(text, "; sides: {}", described(sides));
     }
-    text + "; circle and arrow: point and direction. Rulers in mm."
+    let points = design.objective.points();
+    let has_arrow = points
+        .iter()
+        .any(|target| matches!(target.motion, TargetMotion::Along(_)));
+    if has_arrow {
+        text += "; circle and arrow: point and direction";
+    } else if points.iter().any(TargetPoint::has_point) {
+        text += "; circle: point";
+    }
+    text + ". Rulers in mm."
 }
 
 /// Draws the membrane in mm, as large on paper as it is divided by `reduction`, with rulers outside.
@@ -155,6 +164,7 @@ fn targets(design: &Design) -> Markup {
         @for target in design.objective.points() {
             @match &target.motion {
                 TargetMotion::Along(degrees) => { (direction(target.point, side, *degrees, ARROW)) }
+                TargetMotion::Fill(_) => {}
                 _ => { (direction(target.point, side, 0.0, 0.0)) }
             }
         }

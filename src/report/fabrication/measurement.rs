@@ -51,7 +51,8 @@ impl HandTable {
     /// Creates the table of a design: a row for each eighth of the voltage, or for a part of the voltage of each state.
     pub fn of(history: &PipelineHistory, design: &Design, scene_file: Option<&str>) -> Self {
         let mut points: Vec<[f64; 2]> = Vec::new();
-        for target in design.objective.points() {
+        let targets = design.objective.points();
+        for target in targets.iter().filter(|target| target.has_point()) {
             if !points.contains(&target.point) {
                 points.push(target.point);
             }
@@ -61,16 +62,18 @@ impl HandTable {
         let measured = columns(design, points.len());
         let groups = design.scene.groups();
         let mut what = match points.as_slice() {
-            [] => "Points as in the objective".to_owned(),
+            // Points of a field are not listed.
+            [] if targets.is_empty() => "Points as in the objective, from the lower left corner".to_owned(),
+            [] => "Volume below the membrane".to_owned(),
             points => {
                 let places = (1..).zip(points).map(|(k, point)| match points.len() {
                     1 => format!("Point {}", place(*point)),
                     _ => format!("point {k} {}", place(*point)),
                 });
-                places.collect::<Vec<_>>().join(", ")
+                places.collect::<Vec<_>>().join(", ") + " from the lower left corner"
             }
         };
-        what += " from the lower left corner; change from 0 V";
+        what += "; change from 0 V";
         if more > 0 {
             what += &format!("; {more} more points have no column");
         }
@@ -229,7 +232,10 @@ fn columns(design: &Design, points: usize) -> Vec<String> {
             TargetMotion::Fill(_) => Some("volume, ml".to_owned()),
             _ => None,
         };
-        return (1..).zip(design.objective.points()).filter_map(of_target).collect();
+        let mut columns: Vec<String> = (1..).zip(design.objective.points()).filter_map(of_target).collect();
+        // Volumes in several states are in the rows of these.
+        columns.dedup();
+        return columns;
     }
     let of_point = |k: usize| match points {
         0 | 1 => ["x, mm".to_owned(), "y, mm".to_owned()],
@@ -249,7 +255,8 @@ fn first_column(design: &Design) -> Vec<String> {
         let (largest, step) = (1e-3 * volts, 1e-3 * volts / rows as f64);
         (1..=rows).map(move |k| match k == rows {
             true => number(largest, 6),
-            false => number(k as f64 * step, digits(step)),
+            // Rows have the voltages as they are, unless these have very many digits.
+            false => number(k as f64 * step, 4),
         })
     };
     let states = design.scene.states.iter();
@@ -264,13 +271,6 @@ fn first_column(design: &Design) -> Vec<String> {
             named.take(ROWS).collect()
         }
     }
-}
-
-/// Returns the decimal digits of voltages in kV at such steps: two, and more where these would change a step by more
-/// than a twentieth.
-fn digits(step: f64) -> usize {
-    let coarse = |digits: &usize| 0.5 * 10_f64.powi(-(*digits as i32)) > 0.05 * step;
-    (2..6).find(|digits| !coarse(digits)).unwrap_or(6)
 }
 
 /// Says why no file of deaflow takes the numbers; `None` if there is one.

@@ -10,7 +10,7 @@ use super::artifacts::{ArtifactReader, RunArtifacts};
 use super::designs::Design;
 use super::drawing::DRAWING_STYLE;
 use super::error::ReportError;
-use super::format::{cut, mm, number};
+use super::format::{cut, number};
 use super::history::PipelineHistory;
 use super::html::prose;
 use super::kinds::yields;
@@ -32,6 +32,9 @@ const PAGE: f64 = 281.0;
 const TITLES: f64 = 44.0;
 const TITLE: f64 = 6.5;
 const LINE: f64 = 3.95;
+
+/// The beginning of the line of the geometry.
+const GEOMETRY: &str = "geometry: ";
 
 /// Characters in a row of the title.
 const TITLE_WIDTH: usize = 50;
@@ -117,7 +120,7 @@ impl FabricationSheet<'_> {
                 h1 { (self.title()) }
                 p {
                     "Fabrication sheet · pipeline " b { (history.pipeline) } " · stage " b { (design.made.stage) }
-                    " · " (design.units_with_option()) " · " (software())
+                    " · " (design.units_text()) " · " (software())
                 }
                 p.mono { "artifact " (design.made.digest) }
             }
@@ -128,9 +131,10 @@ impl FabricationSheet<'_> {
     fn purpose(&self, devices: Vec<String>) -> Vec<String> {
         let design = self.design;
         let predicted = design.predicted_mm.map(|value| {
-            let unit = design.objective.unit();
-            let angle = design.objective.converted(value);
-            format!("predicted {} {unit}{angle} by the evaluator of the search", mm(value))
+            format!(
+                "predicted {} by the evaluator of the search",
+                design.objective.text(value)
+            )
         });
         facts(design, None)
             .into_iter()
@@ -138,7 +142,7 @@ impl FabricationSheet<'_> {
             .chain(
                 design
                     .distance_mm
-                    .map(|off| format!("{} mm{} from the target", mm(off), design.objective.converted(off))),
+                    .map(|off| format!("{} from the target", design.objective.text(off))),
             )
             .chain(voltages(design))
             .chain(devices)
@@ -266,12 +270,23 @@ impl Lines {
     const ACROSS: (usize, usize) = (118, 7);
     /// The lengths to which lines are shortened.
     const LENGTHS: [usize; 5] = [400, 230, 170, 110, 56];
+    /// The length to which that of the geometry is shortened.
+    const WHOLE: usize = 600;
 
     fn fitted(lines: Vec<String>, (width, most): (usize, usize)) -> Self {
-        let rows = |length: usize| lines.iter().map(|line| rows(line, width, length)).sum::<usize>();
+        // Who makes the frame needs its whole size.
+        let longest = |line: &str, length: usize| match line.starts_with(GEOMETRY) {
+            true => Self::WHOLE,
+            false => length,
+        };
+        let rows = |length: usize| {
+            let each = lines.iter().map(|line| rows(line, width, longest(line, length)));
+            each.sum::<usize>()
+        };
         let fitting = Self::LENGTHS.into_iter().find(|length| rows(*length) <= most);
         let [.., least] = Self::LENGTHS;
-        let mut short: Vec<String> = lines.iter().map(|line| cut(line, fitting.unwrap_or(least))).collect();
+        let shortened = |line: &String| cut(line, longest(line, fitting.unwrap_or(least)));
+        let mut short: Vec<String> = lines.iter().map(shortened).collect();
         let more = match fitting {
             Some(_) => 0,
             None => (lines.len() + 1).saturating_sub(most),
@@ -317,6 +332,10 @@ mod tests {
         assert_eq!((cut.lines.len(), cut.more, cut.lines[0].chars().count()), (3, 0, 230));
         let many = of(40, 100);
         assert_eq!((many.lines.len(), many.more), (14, 26));
+        let frame = format!("geometry: {}", "x".repeat(300));
+        let texts: Vec<String> = std::iter::once(frame.clone()).chain(vec!["y".repeat(200); 8]).collect();
+        let whole = Lines::fitted(texts, Lines::LIMITS);
+        assert_eq!((&whole.lines[0], whole.lines[1].chars().count()), (&frame, 56));
         for lines in [kept, cut, many] {
             assert!(lines.height_mm() <= 15.0 * LINE);
         }

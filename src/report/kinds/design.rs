@@ -77,11 +77,12 @@ impl Presenter for DesignPresenter {
             let best: Vec<f64> = best_rows.iter().filter_map(|row| values.get(*row)).copied().collect();
             let (stage, unit) = (&source.stage.stage, source.of(view.unit())?);
             let objective = objective(source, &view)?;
-            let angle = |value: f64| {
-                objective
-                    .as_ref()
-                    .map_or_else(String::new, |read| read.converted(value))
+            let written = |value: f64| match &objective {
+                Some(objective) => objective.text(value),
+                None => format!("{} {unit}", mm(value)),
             };
+            let number = |value: f64| mm(objective.as_ref().map_or(value, |objective| objective.shown(value)));
+            let shown_unit = objective.as_ref().map_or(unit, Objective::shown_unit);
             let robust = source.of(view.robust().read())?;
             let robust = match (&best_rows[..], &robust) {
                 ([row], Some(values)) => values.get(*row).copied(),
@@ -92,15 +93,14 @@ impl Presenter for DesignPresenter {
             let ends = [f64::min, f64::max].map(|end| best.iter().copied().reduce(end));
             let text = match (&best[..], ends) {
                 ([value], _) => format!(
-                    "{stage}: best design {} {unit}{}{robust}, as predicted by the search, not verified",
-                    mm(*value),
-                    angle(*value)
+                    "{stage}: best design {}{robust}, as predicted by the search, not verified",
+                    written(*value)
                 ),
                 (several, [Some(least), Some(most)]) => format!(
-                    "{stage}: best designs of {} targets, {} to {} {unit}, as predicted by the search, not verified",
+                    "{stage}: best designs of {} targets, {} to {} {shown_unit}, as predicted by the search, not verified",
                     several.len(),
-                    mm(least),
-                    mm(most)
+                    number(least),
+                    number(most)
                 ),
                 _ => format!("{stage}: designs, not verified"),
             };
@@ -132,8 +132,13 @@ impl Presenter for DesignPresenter {
         }
         let charts = run.each(self.kind(), |source| {
             let view = source.of(Designs::open(source.artifact))?;
-            let (generations, steps) = (source.of(generations(&view))?, source.of(steps(&view))?);
-            let (stage, unit) = (source.stage.stage.as_str(), source.of(view.unit())?);
+            let (mut generations, mut steps) = (source.of(generations(&view))?, source.of(steps(&view))?);
+            let stage = source.stage.stage.as_str();
+            let (factor, unit) = shown_in(source, &view)?;
+            let curves = generations.iter_mut().chain(&mut steps);
+            curves
+                .flat_map(|curve| &mut curve.points)
+                .for_each(|(_, value)| *value *= factor);
             let by_generation = chart([stage, "genetic algorithm", "Generation"], unit, &generations);
             Ok([
                 by_generation,
@@ -210,12 +215,14 @@ fn evolution(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportError> 
     if names.len() != 1 {
         return Ok(None);
     }
+    let (factor, unit) = shown_in(source, &view)?;
+    let values = source.of(history.value().read())?;
     let data = Evolution {
         best: source.of(history.best().read())?,
         mean: source.of(history.mean().read())?,
-        value: source.of(history.value().read())?,
+        value: values.into_iter().map(|value| factor * value).collect(),
         area: source.of(history.area().read())?,
-        unit: source.of(view.unit())?,
+        unit,
     };
     source.drawn(evolution_sheet(&data)).map(Some)
 }
@@ -287,6 +294,14 @@ fn objective(source: &ArtifactReader<'_>, view: &DesignsView<'_>) -> Result<Opti
     Objective::read(text, &scene)
         .map(Some)
         .map_err(|error| source.wrong(error.to_string()))
+}
+
+/// Returns the unit in which values of searches are shown, and the factor from that of files.
+fn shown_in(source: &ArtifactReader<'_>, view: &DesignsView<'_>) -> Result<(f64, &'static str), ReportError> {
+    Ok(match objective(source, view)? {
+        Some(objective) => (objective.shown(1.0), objective.shown_unit()),
+        None => (1.0, source.of(view.unit())?),
+    })
 }
 
 /// Returns the displacement of the best pattern of each generation.

@@ -5,7 +5,7 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::artifacts::ArtifactReader;
-use crate::designs::{Objective, in_nano, is_cost, objective_words, point_words, quantity};
+use crate::designs::{Objective, VOLUME_UNIT, in_nano, is_cost, ml_per_mm, objective_words, point_words, quantity};
 use crate::drawing::{Background, Chart, Sheet};
 use crate::error::ReportError;
 use crate::figures::{FrontAxis, FrontDesign, FrontFigure, front_charts, front_sheet};
@@ -59,6 +59,21 @@ struct OneObjective {
     /// In words.
     #[serde(skip)]
     description: String,
+    /// The volume in ml of a value of 1 mm, if values are mean heights of volumes.
+    #[serde(skip)]
+    ml_per_mm: Option<f64>,
+}
+
+impl OneObjective {
+    /// Its unit for people: ml for volumes.
+    fn shown_unit(&self) -> &str {
+        self.ml_per_mm.map_or(&self.unit, |_| VOLUME_UNIT)
+    }
+
+    /// Converts a value to this unit.
+    fn shown(&self, value: f64) -> f64 {
+        self.ml_per_mm.unwrap_or(1.0) * value
+    }
 }
 
 /// A point of a front.
@@ -178,9 +193,9 @@ impl FoundFront {
         let values = self.objectives.iter().zip(&point.values).skip(1);
         let others = values.filter(|(objective, _)| !is_cost(&objective.unit));
         let others: Vec<String> = others
-            .map(|(objective, value)| format!("{} {}", mm(*value), objective.unit))
+            .map(|(objective, value)| format!("{} {}", mm(objective.shown(*value)), objective.shown_unit()))
             .collect();
-        let first = format!("{} {}{}", mm(point.gain), self.unit, self.first.converted(point.gain));
+        let first = self.first.text(point.gain);
         point_words(&first, &others, point.area, point.charge_nc)
     }
 
@@ -223,8 +238,13 @@ impl FoundFront {
         };
         let robust = self.robust.as_ref();
         let objective = robust.map_or_else(String::new, |words| format!(", {words}"));
-        let objective = format!("{}{objective}", quantity(self.unit));
-        let first = axis(quantity(self.unit), self.unit, &objective);
+        // Volumes are in ml.
+        let unit = match self.first.ml_per_mm {
+            Some(_) => VOLUME_UNIT,
+            None => self.unit,
+        };
+        let objective = format!("{}{objective}", quantity(unit));
+        let first = axis(quantity(unit), unit, &objective);
         let mut axes = vec![first];
         if self.objectives.is_empty() {
             axes.push(cost(self.is_charge));
@@ -233,7 +253,7 @@ impl FoundFront {
             let number = if at == 1 { "second" } else { "third" };
             axes.push(match is_cost(&one.unit) {
                 true => cost(one.unit == CHARGE_UNIT),
-                false => axis(&format!("{number} objective"), &one.unit, &one.description),
+                false => axis(&format!("{number} objective"), one.shown_unit(), &one.description),
             });
         }
         axes
@@ -248,6 +268,7 @@ fn objectives(stored: Option<FrontObjectives>, scene: &Scene) -> (Vec<OneObjecti
     let texts = stored.objective.0.into_iter().zip(stored.unit).zip(stored.reference);
     let one = |((objective, unit), reference): ((String, String), f64)| OneObjective {
         description: objective_words(&objective, &unit, scene),
+        ml_per_mm: ml_per_mm(&objective, scene),
         objective,
         unit,
         reference,
@@ -302,19 +323,22 @@ fn figure(source: &ArtifactReader<'_>) -> Result<Option<FrontFigure>, ReportErro
     let patterns = source.of(view.rows().patterns().read())?;
     let front = source.of(view.front().read())?;
     let (axes, volume_unit) = (found.axes(), found.hypervolume_unit);
-    let is_cost = |at: usize| found.objectives.get(at).is_some_and(|one| one.unit == "1");
+    let shown = |(at, value): (usize, &f64)| match found.objectives.get(at) {
+        Some(one) if one.unit == "1" => 100.0 * value,
+        Some(one) => one.shown(*value),
+        None => *value,
+    };
     let designs = found.points.into_iter().zip(patterns);
     Ok(Some(FrontFigure {
         designs: designs
             .map(|(point, pattern)| FrontDesign {
                 name: point.design,
                 values: match point.values.is_empty() {
-                    true => vec![point.gain, point.charge_nc.unwrap_or(100.0 * point.area)],
-                    false => {
-                        let values = point.values.iter().enumerate();
-                        let shown = values.map(|(at, value)| if is_cost(at) { 100.0 * value } else { *value });
-                        shown.collect()
-                    }
+                    true => vec![
+                        found.first.shown(point.gain),
+                        point.charge_nc.unwrap_or(100.0 * point.area),
+                    ],
+                    false => point.values.iter().enumerate().map(shown).collect(),
                 },
                 pattern,
             })

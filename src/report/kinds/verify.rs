@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use crate::artifacts::{ArtifactReader, RunArtifacts};
-use crate::designs::membranes;
+use crate::designs::{VOLUME_UNIT, membranes};
 use crate::drawing::{DeformedMembrane, Sheet};
 use crate::error::ReportError;
 use crate::figures::{VerifiedPattern, agreement_sheet, gallery_sheet, rounds_charts};
@@ -121,7 +121,6 @@ fn in_time(run: &RunArtifacts<'_>) -> Result<Vec<InTime>, ReportError> {
 /// design of each target is drawn.
 fn verification(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportError> {
     let summary = read(source)?;
-    let unit = summary.unit;
     let mut rows: Vec<(usize, usize)> = Vec::new();
     for (row, case) in summary.rows.iter().enumerate() {
         if case.simulated_mm.is_some() {
@@ -144,15 +143,22 @@ fn verification(source: &ArtifactReader<'_>) -> Result<Option<Sheet>, ReportErro
     let fields = source.of(view.displacement().read())?;
     let selected = rows.iter().map(|&(row, at)| (row, &fields[at]));
     let membranes = membranes(source, &view.rows(), &view.scene(), selected)?;
+    // Bars of lengths and volumes have one axis: that of the files.
+    let is_volume = |(row, _): &(usize, usize)| summary.rows[*row].objective.ml_per_mm.is_some();
+    let has_volumes_only = rows.iter().all(is_volume);
     let case = |(&(row, _), membrane): (&(usize, usize), DeformedMembrane)| {
-        let summary = &summary.rows[row];
+        let (unit, summary) = (summary.unit, &summary.rows[row]);
+        let shown = |value: f64| match has_volumes_only {
+            true => summary.objective.shown(value),
+            false => value,
+        };
         VerifiedPattern {
             name: summary.title(),
             membrane,
-            predicted: summary.comparable_prediction_mm(),
-            simulated: summary.simulated_mm.unwrap_or(0.0),
-            error: summary.simulated_error_mm,
-            unit,
+            predicted: summary.comparable_prediction_mm().map(shown),
+            simulated: shown(summary.simulated_mm.unwrap_or(0.0)),
+            error: summary.simulated_error_mm.map(shown),
+            unit: if has_volumes_only { VOLUME_UNIT } else { unit },
             least_width: least_width(&constraints[row]),
         }
     };

@@ -6,7 +6,7 @@ use super::cards::{FOLDER, deformed, pattern, rest, simulated};
 use super::sweep::{VoltageSweep, moving};
 use crate::designs::{Design, OtherObjective, Place, Role, point_words, separate_electrodes, without_difference};
 use crate::drawing::{DeformedMembrane, Sheet, exaggeration};
-use crate::format::{mm, percents, three};
+use crate::format::percents;
 use deaflow_base::no_break_units;
 use deaflow_content::best_design as best_of;
 use deaflow_field::CHARGE_UNIT;
@@ -208,12 +208,7 @@ fn ends<'d>(points: &[&'d Design]) -> [&'d Design; 2] {
 fn point(design: &Design) -> String {
     let first = match (design.simulated_mm.or(design.predicted_mm), &design.outcome) {
         (_, Some(outcome)) if design.simulated_mm.is_none() => format!("no stable solution ({outcome})"),
-        (Some(value), _) => format!(
-            "{} {}{}",
-            mm(value),
-            design.objective.unit(),
-            design.objective.converted(value)
-        ),
+        (Some(value), _) => design.objective.text(value),
         (None, _) => "no value".to_owned(),
     };
     let mut others = design.other_objectives().iter();
@@ -276,11 +271,10 @@ fn front_facts(points: &[&Design], all: &[Design]) -> Vec<String> {
 
 /// Says how far the design moves, and at which voltage.
 pub(crate) fn sentence(design: &Design) -> String {
-    let unit = design.objective.unit();
     let value = match (design.simulated_mm, design.predicted_mm, simulated(design)) {
-        (Some(value), ..) => format!("{} {unit}{}", mm(value), design.objective.converted(value)),
+        (Some(value), ..) => design.objective.text(value),
         (None, _, Some(why)) => why,
-        (None, Some(value), None) => format!("{} {unit}{} predicted", mm(value), design.objective.converted(value)),
+        (None, Some(value), None) => format!("{} predicted", design.objective.text(value)),
         (None, None, None) => "no value".to_owned(),
     };
     format!("{value}{}", at_voltage(design))
@@ -299,12 +293,7 @@ fn at_voltage(design: &Design) -> String {
 /// several.
 pub(crate) fn facts(design: &Design, all: Option<&[Design]>) -> Vec<String> {
     let mut facts = Vec::new();
-    let quantity = design.objective.quantity();
-    let described = design.objective.description();
-    let of = match described.strip_prefix("the mean of ") {
-        Some(several) => format!("mean {quantity} of {several}"),
-        None => format!("{quantity} of {described}"),
-    };
+    let of = design.objective.words();
     facts.push(match all {
         None => of,
         Some(_) => format!("{}: {of}", design.target),
@@ -312,22 +301,19 @@ pub(crate) fn facts(design: &Design, all: Option<&[Design]>) -> Vec<String> {
     let robust = design.objective.robust_text(design.robust_mm);
     facts.extend(robust.map(|text| format!("{text}, as predicted by the search")));
     facts.push(format!("electrode on {} of the membrane", percents(design.area)));
-    let over = |gain: Option<String>, text: &str| Some(format!("{} over the intuitive design {text}", gain?));
-    let [own, equal] = design.gain_texts();
     let separate = separate_electrodes(&design.pattern);
     facts.extend(separate.map(|n| format!("{n} separate electrodes, each needs a lead")));
-    facts.extend(over(equal, "of the same area"));
-    facts.extend(over(own, "at its own area"));
-    facts.extend(design.compared.without_intuitive().map(str::to_owned));
+    let over = design.over_intuitive();
+    let none = design.compared.without_intuitive().filter(|_| over.is_empty());
+    facts.extend(over);
+    facts.extend(none.map(str::to_owned));
     facts.extend(design.to_optimum());
     if design.simulated_mm.is_none() {
         facts.push("not verified by finite elements on two meshes".to_owned());
     } else if let Some(error) = design.error_mm {
         facts.push(format!(
-            "± {} {}{} by the mesh; the error of the model is not included",
-            three(error),
-            design.objective.unit(),
-            design.objective.converted(error)
+            "± {} by the mesh; the error of the model is not included",
+            design.objective.difference_text(error)
         ));
     }
     if !matches!(design.status.as_str(), "" | "met") {

@@ -4,7 +4,7 @@ use maud::{Markup, html};
 
 use crate::designs::{Design, Role, StateField, TargetMotion, role_title, separate_electrodes};
 use crate::drawing::{Background, direction};
-use crate::format::{change, mm, mm_measured, percents, three};
+use crate::format::{change, mm, percents, three};
 use deaflow_base::no_break_units;
 use deaflow_field::OutcomeKind;
 
@@ -137,8 +137,7 @@ fn numbers(design: &Design) -> Markup {
     let value = match (simulated(design), design.predicted_mm) {
         (Some(simulated), _) => simulated,
         (None, Some(predicted)) => {
-            let (unit, angle) = (design.objective.unit(), design.objective.converted(predicted));
-            format!("{} {unit}{angle} predicted", mm(predicted))
+            format!("{} predicted", design.objective.text(predicted))
         }
         (None, None) => "no value".to_owned(),
     };
@@ -160,15 +159,29 @@ fn shows_optimum(design: &Design) -> bool {
 fn rows(design: &Design) -> Markup {
     let compared = &design.compared;
     let found = design.role.is_compared();
-    let [gain_own, gain_equal] = design.gain_texts();
-    let other = |name, value: Option<f64>, shown: bool, gain: Option<String>| {
-        let value = value.filter(|_| shown)?;
-        Some((name, design.number(value), gain.unwrap_or_default()))
-    };
-    let [gain_own, gain_equal] = [(gain_own, 0), (gain_equal, 1)].map(|(gain, over)| match compared.violating[over] {
-        true => Some("violates constraints".to_owned()),
-        false => gain,
+    let optimum = compared.optimum.filter(|_| shows_optimum(design));
+    let optimum = optimum.map(|value| {
+        (
+            "best by gradient search".to_owned(),
+            design.number(value),
+            String::new(),
+        )
     });
+    let intuitive = |value: Option<f64>, at: usize| {
+        let (value, over) = (value.filter(|_| found)?, compared.over[at]);
+        let which = match (at, over) {
+            (1, _) => ", equal area".to_owned(),
+            (_, Some(over)) => format!(", area {}", percents(over.area)),
+            (_, None) => ", own area".to_owned(),
+        };
+        let violates = match over {
+            Some(over) if over.is_violating => ", violates constraints",
+            _ => "",
+        };
+        let gain = over.map_or_else(String::new, |over| over.gain.text(&design.objective));
+        Some((format!("intuitive{which}{violates}"), design.number(value), gain))
+    };
+    let named = |(name, value, more): (&str, String, String)| (name.to_owned(), value, more);
     let error = design.prediction_error().map_or_else(String::new, change);
     let predicted = design
         .predicted_mm
@@ -198,7 +211,7 @@ fn rows(design: &Design) -> Markup {
     let others = others.zip(["second objective", "third objective"]);
     let others = others.filter(|(other, _)| !other.is_area());
     let others = others.map(|(other, name)| (name, other.value_text(), "predicted".to_owned()));
-    let rows = [
+    let before = [
         predicted,
         robust,
         interval,
@@ -210,17 +223,16 @@ fn rows(design: &Design) -> Markup {
             format!("{} mm²", three(design.area_mm2())),
         )),
         separate_electrodes(&design.pattern).map(|n| ("electrodes", n.to_string(), "separate".to_owned())),
-        other("best by gradient search", compared.optimum, shows_optimum(design), None),
-        other("intuitive, own area", compared.intuitive_own, found, gain_own),
-        other(
-            "intuitive, equal area",
-            compared.intuitive_equal_area,
-            found,
-            gain_equal,
-        ),
     ];
+    let with_others = [
+        optimum,
+        intuitive(compared.intuitive_equal_area, 1),
+        intuitive(compared.intuitive_own, 0),
+    ];
+    let rows = before.into_iter().map(|row| row.map(named)).chain(with_others);
+    let rows = rows.flatten().chain(others.map(named));
     html! {
-        @for (name, value, more) in rows.into_iter().flatten().chain(others) {
+        @for (name, value, more) in rows {
             dt { (name) } dd { (no_break_units(&value)) } dd { (no_break_units(&more)) }
         }
     }
@@ -229,10 +241,7 @@ fn rows(design: &Design) -> Markup {
 /// Writes the simulated value with its estimated error; `None` without a simulation.
 pub(super) fn simulated(design: &Design) -> Option<String> {
     match (design.simulated_mm, &design.outcome, design.error_mm) {
-        (Some(value), _, error) => {
-            let (unit, angle) = (design.objective.unit(), design.objective.converted(value));
-            Some(format!("{} {unit}{angle}", mm_measured(value, error)))
-        }
+        (Some(value), _, error) => Some(design.objective.text_measured(value, error)),
         (None, Some(outcome), _) => Some(format!("no stable solution found ({outcome})")),
         (None, None, _) => None,
     }

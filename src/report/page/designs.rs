@@ -3,9 +3,9 @@
 use maud::html;
 
 use super::cards::{FOLDER, cards, shared};
-use crate::designs::{Design, OtherObjective, Role, is_swept, role_title};
+use crate::designs::{Design, OtherObjective, Role, VOLUME_UNIT, is_swept, role_title};
 use crate::drawing::{Axis, Chart, Colour, DeformedMembrane, LEGEND, Mark, Series, exaggeration};
-use crate::format::{capitalised, change, mm_measured, percents, three};
+use crate::format::{capitalised, change, number, percents, three};
 use crate::html::{Column, Page};
 use crate::intervals::verdict;
 use deaflow_field::REACTION_UNIT;
@@ -44,10 +44,7 @@ pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
         false => "",
     };
     page.lines(&[
-        "Values are the mean displacement along the target directions. Each design is shown at rest, with the point \
-         and direction of its objective, and deformed, with the displacement of the point. Numbers without a unit are \
-         in mm; gains are over the intuitive design at its own area and at the area of the design."
-            .to_owned(),
+        values_text(designs),
         format!("Displacements are drawn {times}; the faint grid is the membrane at rest.{optimum}"),
     ]);
     if designs.iter().any(|design| design.background.sides().is_some()) {
@@ -78,7 +75,12 @@ pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
                 .filter_map(|row| row.first_mut())
                 .for_each(String::clear);
         }
-        let columns = without_empty(&COLUMNS, &mut rows);
+        let mut columns = without_empty(&COLUMNS, &mut rows);
+        if case.iter().all(|design| design.objective.shown_unit() != "mm") {
+            // The cells have another unit.
+            let titles = columns.iter_mut().map(|(title, _)| title);
+            titles.for_each(|title| *title = title.strip_suffix(", mm").unwrap_or(title));
+        }
         page.columns("Designs of the case", &columns, &rows);
         if let Some(curve) = curve(&case) {
             page.charts([&curve]);
@@ -103,14 +105,35 @@ pub fn section(page: &mut Page, designs: &[Design], mask_command: &str) {
             let others = first.other_objectives().iter().zip(["second", "third"]);
             let others = others.map(|(other, number)| format!("; {number} objective: {}", other.description));
             page.note(&format!(
-                "Objective: {} of {}, {area}{constraints}{}",
-                first.objective.quantity(),
-                first.objective.description(),
+                "Objective: {}, {area}{constraints}{}",
+                first.objective.words(),
                 others.collect::<String>()
             ));
             page.add(cards(&target, scale));
         }
     }
+}
+
+/// Says what the values of designs are, and how these are drawn.
+fn values_text(designs: &[Design]) -> String {
+    let volumes = designs.iter().filter(|design| design.objective.ml_per_mm.is_some());
+    let volumes = volumes.count();
+    let sizes = designs
+        .first()
+        .map_or([0.0; 2], |design| design.scene.membrane().size_mm);
+    let [width, height] = sizes.map(number);
+    let in_files = format!(
+        "Volumes are in ml; files have them as the mean height over the rectangle of {width} × {height} mm, in mm"
+    );
+    let displacements = "Values are the mean displacement along the target directions. Each design is shown at rest, \
+                         with the point and direction of its objective, and deformed, with the displacement of the \
+                         point. Numbers without a unit are in mm";
+    let values = match volumes {
+        0 => displacements.to_owned(),
+        all if all == designs.len() => format!("Each design is shown at rest and deformed. {in_files}"),
+        _ => format!("{displacements}. {in_files}"),
+    };
+    format!("{values}; gains are over the intuitive design at its own area and at the area of the design.")
 }
 
 /// Groups designs by a name, in the order of the names.
@@ -175,7 +198,7 @@ fn row(design: &Design, is_swept: bool) -> Vec<String> {
         member => format!(" {}", member + 1),
     };
     let simulated = match (design.simulated_mm, design.error_mm, &design.outcome) {
-        (Some(value), error, _) => design.with_unit(mm_measured(value, error)) + &design.objective.converted(value),
+        (Some(value), error, _) => design.number_measured(value, error),
         (None, _, Some(outcome)) => outcome.to_string(),
         (None, _, None) => "not verified".to_owned(),
     };
@@ -209,7 +232,7 @@ fn row(design: &Design, is_swept: bool) -> Vec<String> {
         text(design.prediction_error().map(change)),
         simulated,
         text(design.interval.as_ref().map(|interval| interval.ends())),
-        text(design.compared.share_text(design.objective.unit())),
+        text(design.compared.share_text(&design.objective)),
         text(gain_own),
         text(gain_equal),
         text(design.distance_mm.map(|off| design.number(off))),
@@ -233,7 +256,9 @@ fn curve(case: &[&Design]) -> Option<Chart> {
     }
     let points = |role: Role| {
         let own = case.iter().filter(move |design| design.role == role);
-        let mut points: Vec<(f64, f64)> = own.filter_map(|d| Some((100.0 * d.area, d.simulated_mm?))).collect();
+        let mut points: Vec<(f64, f64)> = own
+            .filter_map(|d| Some((100.0 * d.area, d.objective.shown(d.simulated_mm?))))
+            .collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         points.dedup();
         points
@@ -255,7 +280,7 @@ fn curve(case: &[&Design]) -> Option<Chart> {
     let what = first.objective.quantity();
     let axes = [
         Axis::linear("Area [%]", 0.0, 100.0),
-        Axis::above(&format!("Simulated {what} [{}]", first.objective.unit()), &values),
+        Axis::above(&format!("Simulated {what} [{}]", first.objective.shown_unit()), &values),
     ];
     let title = capitalised(&format!("{what} over electrode area"));
     let chart = Chart::new(&title, axes, series);
@@ -283,11 +308,11 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
     if let Some(verdict) = verdict(with_interval) {
         page.line(&format!("Designs of the searches: {verdict}."));
     }
-    let charts = ["mm", REACTION_UNIT].map(|unit| {
+    let charts = ["mm", VOLUME_UNIT, REACTION_UNIT].map(|unit| {
         let own: Vec<&Design> = known
             .iter()
             .copied()
-            .filter(|design| design.objective.unit() == unit)
+            .filter(|design| design.objective.shown_unit() == unit)
             .collect();
         errors_chart(&own, unit)
     });
@@ -298,7 +323,8 @@ pub fn agreement(page: &mut Page, designs: &[Design]) {
 
 /// Draws the errors of the predictions of designs whose values have this unit; `None` if there are none.
 fn errors_chart(known: &[&Design], unit: &str) -> Option<Chart> {
-    let simulated: Vec<f64> = known.iter().filter_map(|d| d.simulated_mm).collect();
+    let shown = |design: &Design| Some(design.objective.shown(design.simulated_mm?));
+    let simulated: Vec<f64> = known.iter().filter_map(|d| shown(d)).collect();
     let series = |of: &dyn Fn(&Design) -> Option<(f64, f64)>| {
         let one = |(role, colour): (Role, Colour)| {
             let own: Vec<&&Design> = known.iter().filter(|design| design.role == role).collect();
@@ -315,7 +341,7 @@ fn errors_chart(known: &[&Design], unit: &str) -> Option<Chart> {
             .filter(|s| !s.points.is_empty())
             .collect::<Vec<_>>()
     };
-    let error = |design: &Design| Some((design.simulated_mm?, 100.0 * design.prediction_error()?));
+    let error = |design: &Design| Some((shown(design)?, 100.0 * design.prediction_error()?));
     let errors: Vec<f64> = known.iter().filter_map(|d| Some(error(d)?.1)).collect();
     if errors.is_empty() {
         return None;

@@ -9,8 +9,9 @@ use deaflow_orchestrator::Job;
 /// Reports the progress of a search and stores its checkpoints.
 pub struct Follow<'a> {
     job: &'a Job<'a>,
-    /// The unit of values.
+    /// The unit in which values are shown, and the factor from that of the search.
     unit: &'static str,
+    factor: f64,
     /// The share of a step for the first generation: it has no step of its own, and takes half of the step of the
     /// second one.
     first: f64,
@@ -27,11 +28,12 @@ const USUAL_STEPS: f64 = 20.0;
 
 impl<'a> Follow<'a> {
     /// An observer of the search of a job.
-    pub fn new(job: &'a Job<'a>, generations: usize, unit: &'static str) -> Self {
+    pub fn new(job: &'a Job<'a>, generations: usize, (factor, unit): (f64, &'static str)) -> Self {
         let first = if generations == 0 { 1.0 } else { 0.5 };
         Self {
             job,
             unit,
+            factor,
             first,
             generation: Cell::new((0.0, first)),
             steps: Cell::default(),
@@ -70,7 +72,7 @@ impl Observer for Follow<'_> {
         let (number, value, area) = (report.generation, report.value_mm, report.area);
         let note = format!(
             "generation {number}: best {} {} at area {:.1} %",
-            four_digits(value),
+            four_digits(self.factor * value),
             self.unit,
             100.0 * area
         );
@@ -82,7 +84,7 @@ impl Observer for Follow<'_> {
             "generation {}: front of {} designs, up to {} {}",
             report.generation,
             report.designs,
-            four_digits(report.best),
+            four_digits(self.factor * report.best),
             self.unit
         );
         self.finished(report.generation, &note);
@@ -123,7 +125,7 @@ impl SearchProgress for Follow<'_> {
         self.steps.set(steps);
         let note = format!(
             "gradient step {steps}: {} {} at area {:.1} %",
-            four_digits(step.value_mm),
+            four_digits(self.factor * step.value_mm),
             self.unit,
             100.0 * step.area
         );
