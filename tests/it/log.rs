@@ -310,6 +310,18 @@ fn history_is_moved_with_the_store() {
         let path = runs[0]["path"].as_str().unwrap();
         assert!(path.ends_with(&format!("all/{folder}/short.yaml")), "{path}");
     }
+    // They stay after a run at the new place, and the old place is forgotten.
+    workspace.stages(&["run", "elsewhere/a/short.yaml", "--store", "elsewhere/store"]);
+    let runs = log(&workspace, &["elsewhere/a/short.yaml", "--store", "elsewhere/store"]);
+    assert_eq!(runs.len(), 2);
+    let status = workspace
+        .run(&["status", "--store", "elsewhere/store", "--json"])
+        .json();
+    let pipelines = status["pipelines"].as_array().unwrap();
+    assert!(
+        pipelines.len() == 2 && pipelines.iter().all(|pipeline| pipeline["error"].is_null()),
+        "{status}"
+    );
 }
 
 #[test]
