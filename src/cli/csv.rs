@@ -44,3 +44,16 @@ pub fn text(header: &[String], rows: impl Iterator<Item = Vec<String>>) -> Resul
     let bytes = writer.into_inner().map_err(|e| failed(e.to_string()))?;
     String::from_utf8(bytes).map_err(|e| failed(e.to_string()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::number;
+
+    #[test]
+    fn numbers_have_no_rounding_errors() {
+        let some = [0.4 - 1e-17 - 5e-17, 0.1 + 0.2, 1e-300, -2.5, 1_234_567.0].map(number);
+        assert_eq!(some[..2], ["0.4", "0.3"]);
+        assert_eq!(some[3..], ["-2.5", "1234567"]);
+        assert_eq!(number(f64::NAN), "NaN");
+    }
+}

@@ -469,6 +469,11 @@ mod tests {
             reason: "r".into(),
         };
         assert_eq!(CliError::from(StageError::Store(damaged)).exit(), Exit::Damaged);
+        let (busy, who) = (path.clone(), "process 7".to_owned());
+        assert_eq!(
+            CliError::from(StoreError::Busy { path: busy, who }).exit(),
+            Exit::TryAgain
+        );
         assert_eq!(CliError::from(StoreError::NotAStore { path }).exit(), Exit::BadInput);
         assert_eq!(CliError::from(StageError::failed("f")).exit(), Exit::Failure);
     }

@@ -282,6 +282,8 @@ impl Summary {
         for dataset in &self.datasets {
             let shape: Vec<String> = dataset.shape.iter().map(ToString::to_string).collect();
             let statistics = match &dataset.statistics {
+                // The columns of a table have different units.
+                Statistics::Numbers { .. } if self.table.is_some() => ["-", "-", "-"].map(str::to_owned),
                 Statistics::Numbers { min, mean, max } => [number(*min), number(*mean), number(*max)],
                 Statistics::Texts { counts } => {
                     counted.push(counts_line(&dataset.path, counts));

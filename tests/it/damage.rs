@@ -121,6 +121,15 @@ fn a_byte_that_changed_under_the_same_size_and_time_is_found_by_the_next_reader(
         );
         let told = workspace.run(&["gc", "-n", "--json"]).json();
         assert_eq!(told["quarantined"], files(&aside).len());
+        // Also without progress a run says that it builds something damaged anew.
+        flip(&victim, sound.len() / 3);
+        let ended = workspace.run(&["run", "small.yaml", "--quiet"]);
+        let warning = format!("warning: {stage}: its artifact was damaged and is built anew");
+        assert!(
+            ended.code == Some(0) && ended.stderr.contains(&warning),
+            "{}",
+            ended.stderr
+        );
     }
 }
 

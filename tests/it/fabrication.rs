@@ -169,15 +169,16 @@ fn a_sheet_is_true_to_scale_and_says_what_to_make_and_to_expect() {
         "mm at 5.25 kV",
         "by the mesh",
         "predicted",
-        "over the intuitive design of the same area",
+        "more than the intuitive design of the same area",
         "made, 100 devices: mean",
+        "the ± leave out the error of the mesh, about 0.0",
         "5 % quantile",
         "of the devices reach 1.5 mm",
         "constraints: area 0.5: met",
         "membrane 1 mm thick, 0.11111 mm on the frame; prestretch 3",
         "shear_modulus: 45 kPa",
         "effects simulated: none",
-        "20 × 20 cells (--units 50)",
+        "20 × 20 cells ·",
         "largest voltage: about",
         "electric field at 5.25 kV:",
         "of the breakdown field (that of VHB 4910, as the scene has none)",
@@ -189,8 +190,8 @@ fn a_sheet_is_true_to_scale_and_says_what_to_make_and_to_expect() {
         "{text}"
     );
     assert!(!text.contains("Not verified"), "{text}");
-    // Eighths of 5.25 kV, as a power supply is set.
-    let eighths = ["0.66", "1.31", "1.97", "2.62", "3.28", "3.94", "4.59", "5.25"];
+    // Eighths of 5.25 kV to the volt.
+    let eighths = ["0.656", "1.312", "1.969", "2.625", "3.281", "3.938", "4.594", "5.25"];
     assert_eq!(voltages(&page), eighths);
 
     let unverified = words(&sheet(&workspace, &["--design", "centre", "--until", "design"]));

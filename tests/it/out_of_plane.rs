@@ -405,11 +405,20 @@ fn designs_for_heights_and_volumes_are_what_solve_finds() {
         if key == "volume_ml" {
             assert!((number(&row("intuitive")["simulated_ml"]) - stroke).abs() < 1e-5 * stroke);
             let printed = workspace.run(&["run", "pump.yaml"]).stdout;
-            assert!(printed.contains(" ml)"), "{printed}");
+            assert!(printed.contains(" ml (mesh)") && !printed.contains(" mm"), "{printed}");
+            let with_table = text.replace(", , ", ", ").replace(",  }", " }")
+                + "  stroke: { kind: table, needs: [verified], columns: [volume] }\n";
+            workspace.write("table.yaml", &with_table);
+            let stroke = workspace.run(&["run", "table.yaml", "--json"]).json()["tables"][0].clone();
+            assert_eq!(stroke["columns"][0]["unit"], "ml");
+            assert!((number(&stroke["rows"][0][0]) - number(&row("optimum")["simulated_ml"])).abs() < 1e-12);
             let report = workspace.run(&["report", "pump.yaml", "-o", "page"]);
             assert_eq!(report.code, Some(0), "{}", report.stderr);
             let table = std::fs::read_to_string(workspace.path("page/data/designs.csv")).unwrap();
             assert!(table.lines().next().unwrap().contains("simulated_ml"), "{table}");
+            let page = std::fs::read_to_string(workspace.path("page/index.html")).unwrap();
+            let told = "change of the volume below the membrane by the voltage (largest)";
+            assert!(page.contains(told) && page.contains("Volumes are in ml"), "{objective}");
         }
     }
 }

@@ -228,6 +228,14 @@ fn other_machines_reuse_what_one_has_built() {
         (&pulled["left"], &pulled["not_built"]),
         (&serde_json::json!([]), &serde_json::json!([]))
     );
+    // Chunks count in all numbers.
+    let again = document(&workspace, "ben", &["pull", "small.yaml", "--store", "b"], 0);
+    let [fetched, here] = ["artifacts", "artifacts_here"].map(|key| pulled[key].as_u64().unwrap());
+    assert_eq!(
+        (&again["artifacts"], &again["artifacts_here"]),
+        (&0.into(), &(fetched + here).into())
+    );
+    assert!(fetched + here > 4, "{pulled}");
     let ran = workspace.stages(&["run", "small.yaml", "--store", "b"]);
     assert_eq!((ran.with("reused").len(), ran.digests()), (4, built.digests()));
     let checked = run(&workspace, "ben", &["fsck", "--store", "b"]);

@@ -94,6 +94,17 @@ fn a_sweep_of_scene_and_samples_ends_in_a_table_and_a_figure() {
         let ratio = rows[at + 2][2] / rows[at][2];
         assert!(ratio > 16.0 / 9.0 && ratio < 2.2, "{ratio}");
     }
+    let solved = &run.json()["solved"][0];
+    assert_eq!(
+        (&solved["stage"], &solved["samples"]),
+        (&json!("solved@voltage=3kV,area=0.3"), &json!(4))
+    );
+    assert_eq!(solved["max_displacement_mm"], json!(rows[0][2]));
+    let shown = workspace.run(&["show", "table"]).stdout;
+    assert!(
+        shown.contains("voltage [V]") && shown.contains("max_displacement [mm]"),
+        "{shown}"
+    );
     let figures = run.json()["figures"].clone();
     let figure = figures
         .as_array()

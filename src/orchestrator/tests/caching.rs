@@ -178,11 +178,11 @@ fn an_input_taken_away_is_named() {
     lab.run(&[]);
     assert_eq!(
         lab.plan(&["stages.halved.needs=[small]"])[2],
-        "halved stale 0+4: input changed: large"
+        "halved stale 0+4: no longer needed: large"
     );
     assert_eq!(
         lab.plan(&["stages.halved.needs=[large, small]"])[2],
-        "halved stale 0+6: input changed: large"
+        "halved stale 0+6: order of needs changed"
     );
 }
 

@@ -741,8 +741,8 @@ mod tests {
         assert_eq!(exaggeration([&growing(0.004, 25.0, &plain)]), 10.0);
         assert_eq!(exaggeration([&growing(0.0009, 25.0, &plain)]), 50.0);
         // A field that stays within the square is drawn over a frame.
-        assert_eq!(exaggeration([&growing(0.004, 19.0, &plain)]), 50.0);
-        let with_frame = exaggeration([&growing(0.004, 19.0, &framed)]);
+        assert_eq!(exaggeration([&growing(0.003, 19.0, &plain)]), 50.0);
+        let with_frame = exaggeration([&growing(0.003, 19.0, &framed)]);
         assert!([5.0, 10.0, 20.0].contains(&with_frame), "{with_frame}");
     }
 

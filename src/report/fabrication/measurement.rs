@@ -255,8 +255,7 @@ fn first_column(design: &Design) -> Vec<String> {
         let (largest, step) = (1e-3 * volts, 1e-3 * volts / rows as f64);
         (1..=rows).map(move |k| match k == rows {
             true => number(largest, 6),
-            // Rows have the voltages as they are, unless these have very many digits.
-            false => number(k as f64 * step, 4),
+            false => number(k as f64 * step, digits(step)),
         })
     };
     let states = design.scene.states.iter();
@@ -271,6 +270,13 @@ fn first_column(design: &Design) -> Vec<String> {
             named.take(ROWS).collect()
         }
     }
+}
+
+/// Returns the decimal digits of voltages in kV at such steps: those of a volt, and more where these would change a step
+/// by more than a twentieth.
+fn digits(step: f64) -> usize {
+    let coarse = |digits: &usize| 0.5 * 10_f64.powi(-(*digits as i32)) > 0.05 * step;
+    (3..6).find(|digits| !coarse(digits)).unwrap_or(6)
 }
 
 /// Says why no file of deaflow takes the numbers; `None` if there is one.

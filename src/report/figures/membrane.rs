@@ -9,11 +9,11 @@ use crate::format::mm;
 const SIDE: f64 = 356.4;
 const BAR: f64 = 24.0;
 
+/// Length of the longer side of one of several membranes.
+const SMALL: f64 = 262.0;
+
 /// Height of the title and the note above a drawing without axes.
 const HEAD: f64 = 46.0;
-
-/// The same of one of several membranes.
-const SMALL: f64 = 262.0;
 
 /// The smallest width and height of a frame, fractions of the longer side, because of the ticks.
 const SMALLEST: [f64; 2] = [0.2, 0.25];

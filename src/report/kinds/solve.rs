@@ -143,7 +143,7 @@ impl SolvePresenter {
 fn membranes(source: &ArtifactReader<'_>) -> Result<Vec<(String, DeformedMembrane)>, ReportError> {
     let view = source.of(Solutions::open(source.artifact))?;
     let count = source.of(view.max_displacement().rows())?;
-    if count > FEW {
+    if !(1..=FEW).contains(&count) {
         return Ok(Vec::new());
     }
     let (rows, fields) = (view.rows(), source.of(view.displacement().read())?);

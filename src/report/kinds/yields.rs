@@ -131,7 +131,7 @@ pub(crate) fn devices_of(run: &RunArtifacts<'_>, design: &Design) -> Result<Vec<
     let found = run.each("yield", |source| read_where(source, is_it))?;
     let line = |found: &Found, one: &OfDesign| {
         let mut parts = vec![one.spread()];
-        parts.extend(one.off_from(design));
+        parts.extend(one.error_of_mesh(design));
         let design = one;
         parts.extend(design.quantile(LOW));
         parts.extend(design.wanted.as_ref().map(|_| design.main()));
@@ -209,19 +209,15 @@ impl OfDesign {
         )
     }
 
-    /// Says how far the displacement as drawn on the mesh of the devices is from that of the verification, which is in
-    /// no interval of the devices; `None` if it is less than the interval of the mean.
-    fn off_from(&self, design: &Design) -> Option<String> {
-        let (drawn, simulated) = self.as_drawn_mm.zip(design.simulated_mm)?;
+    /// Says how large the error of the mesh is, if that is more than the interval of the mean: by the error of the
+    /// verification, or how far the displacement as drawn on the mesh of the devices is from it.
+    fn error_of_mesh(&self, design: &Design) -> Option<String> {
         let [low, high] = self.mean_mm?.interval;
-        let off = drawn - simulated;
-        let more = if off < 0.0 { "less" } else { "more" };
-        (off.abs() > 0.5 * (high - low)).then(|| {
-            let off = three(off.abs());
-            format!(
-                "as drawn, the mesh of the devices gives {off} mm {more} than the verification, which is not in the ±"
-            )
-        })
+        let off = self.as_drawn_mm.zip(design.simulated_mm);
+        let off = off.map_or(0.0, |(drawn, simulated)| (drawn - simulated).abs());
+        let error = off.max(design.error_mm.unwrap_or(0.0));
+        (error > 0.5 * (high - low))
+            .then(|| format!("the ± leave out the error of the mesh, about {} mm", three(error)))
     }
 
     /// Describes the displacement that a share of the devices does not reach; `None` if it is not computed.
