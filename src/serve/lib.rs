@@ -13,6 +13,7 @@ mod compute;
 mod examples;
 mod http;
 mod jobs;
+mod left_out;
 mod routes;
 mod sketch;
 mod state;

@@ -11,6 +11,7 @@ use super::cache::{
 use super::examples::examples;
 use super::http::ApiError;
 use super::jobs::Runner;
+use super::left_out::{LeftOut, check_in_plane};
 use deaflow_base::{ArtifactId, InputError};
 use deaflow_orchestrator::{Pipeline, file_of};
 use deaflow_pattern::{DrawingOptions, Pattern};
@@ -56,6 +57,17 @@ pub struct NamedScene {
     pub file: Option<PathBuf>,
     /// What a user should know of it, such as how numbers without a unit were read.
     pub notes: Option<String>,
+}
+
+/// The scenes of a server, as they are now.
+#[derive(Default)]
+pub struct ReadScenes {
+    /// The scenes of the sketchpad, the default one first.
+    pub scenes: Vec<NamedScene>,
+    /// The files whose scenes it does not show.
+    pub left_out: Vec<LeftOut>,
+    /// The files whose scenes cannot be used, with their errors. Pipelines without a scene are in none of the lists.
+    pub invalid: Vec<(PathBuf, ApiError)>,
 }
 
 /// The state of a server.
@@ -104,8 +116,13 @@ impl ServerState {
             let pipeline = Pipeline::load(path, &[], &stage::registry())?;
             add(path, pipeline.bare_numbers.as_ref());
         }
-        let own_scene = options.scene.as_deref().map(named_scene).transpose()?;
+        let own_scene = options
+            .scene
+            .as_deref()
+            .map(|path| named_scene(path).map_err(|error| LeftOut::incomplete(path).map_or(error, LeftOut::error)));
+        let own_scene = own_scene.transpose()?;
         if let (Some(path), Some(own)) = (&options.scene, &own_scene) {
+            check_in_plane(&own.scene, &path.display().to_string())?;
             add(path, own.notes.as_ref());
         }
         let (first_pattern, pattern_notes) = match (&options.pattern, &own_scene) {
@@ -220,11 +237,24 @@ impl ServerState {
     }
 
     /// Reads all scenes again.
-    pub fn read_scenes(&self) -> Vec<NamedScene> {
-        let mut found: Vec<NamedScene> = self.own_scene.clone().into_iter().collect();
+    pub fn read_scenes(&self) -> ReadScenes {
+        let mut read = ReadScenes::default();
+        read.scenes.extend(self.own_scene.clone());
         let pipelines = self.pipelines().unwrap_or_default();
-        // `invalid_scenes` returns the errors of the others.
-        found.extend(pipelines.iter().filter_map(|path| named_scene(path).ok()));
+        for path in &pipelines {
+            match named_scene(path) {
+                Ok(named) => match LeftOut::in_space(path, &named.scene) {
+                    Some(left_out) => read.left_out.push(left_out),
+                    None => read.scenes.push(named),
+                },
+                Err(error) => match LeftOut::incomplete(path) {
+                    Some(left_out) => read.left_out.push(left_out),
+                    None if direct::names_scene(path) => read.invalid.push((path.clone(), error.into())),
+                    None => {}
+                },
+            }
+        }
+        let found = &mut read.scenes;
         if found.is_empty() {
             // The scene of a pipeline may be broken, and this one must not be mistaken for it.
             let name = match pipelines.is_empty() {
@@ -239,26 +269,15 @@ impl ServerState {
             });
         }
         let mut seen: Vec<String> = Vec::new();
-        for named in &mut found {
+        for named in found {
             let same = seen.iter().filter(|other| **other == named.name).count();
             seen.push(named.name.clone());
             if same > 0 {
                 named.name = format!("{} ({})", named.name, same + 1);
             }
         }
-        lock(&self.scenes).clone_from(&found);
-        found
-    }
-
-    /// Returns the pipelines whose scenes cannot be used, with their errors; pipelines without a scene are left out.
-    #[must_use]
-    pub fn invalid_scenes(&self) -> Vec<(PathBuf, ApiError)> {
-        let all = self.pipelines().unwrap_or_default().into_iter();
-        all.filter_map(|path| match direct::read_scene(&path) {
-            Err(error) if direct::names_scene(&path) => Some((path, error.into())),
-            _ => None,
-        })
-        .collect()
+        lock(&self.scenes).clone_from(&read.scenes);
+        read
     }
 
     /// Returns the scene with a name; the first one if no name is given.

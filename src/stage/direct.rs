@@ -153,6 +153,17 @@ pub fn names_scene(path: &Path) -> bool {
     })
 }
 
+/// Returns the axes of the sweep that completes the scene in a file; none if it is complete, or cannot be read.
+#[must_use]
+pub fn axes_of_scene(path: &Path) -> Vec<String> {
+    let axes = || {
+        let mut root = Document::load(path).ok()?.root;
+        splice_scene(&mut root, path, Vec::new(), crate::scene::complete).ok()?;
+        Some(axes_in(root.peek("scene").unwrap_or(&root)))
+    };
+    axes().unwrap_or_default()
+}
+
 /// The values of a scene that a command overrides: those of `--set`, as in `drive.voltage=5 kV`, where the path may
 /// start with `scene.` as in a pipeline; then that of `--voltage`.
 #[derive(Clone, Copy, Debug, Default)]

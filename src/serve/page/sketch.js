@@ -1,9 +1,9 @@
 // The sketchpad: a pattern, and the membrane that moves while it is drawn.
 
 import { frame, json } from "./server.js";
-import { attempt, bytes, choice, copying, h, labelled, near, number, problem, replace, replaceUrl, roundedBy, seconds, settled, showInvalid } from "./elements.js";
+import { attempt, bytes, choice, copying, h, labelled, near, number, problem, prose, replace, replaceUrl, roundedBy, seconds, settled, showInvalid } from "./elements.js";
 import { SIDES, drawBar, drawMembrane, drawPattern, magnitudes } from "./membrane.js";
-import { range } from "./colours.js";
+import { SEQUENTIAL, range, steps } from "./colours.js";
 import { Pattern } from "./pattern.js";
 import { firstPattern, gallery } from "./sketch-gallery.js";
 import { kept } from "./sketch-kept.js";
@@ -50,11 +50,12 @@ export async function sketchpad(view, first = {}) {
 
 class Sketchpad {
   /** @param {HTMLElement} view @param {any} found scenes of the server @param {First} first */
-  constructor(view, { scenes, examples, refused, time_limit: limit }, first) {
+  constructor(view, { scenes, examples, left_out: leftOut, refused, time_limit: limit }, first) {
     this.view = view;
     this.scenes = scenes;
     this.examples = examples;
     /** @type {any[]} */ this.refused = refused;
+    /** Scenes that are not shown here. @type {{path: string, reason: string, help: string}[]} */ this.leftOut = leftOut;
     /** Time limit of a request, s. */ this.limit = limit;
     /** Time of a solution here, with these effects, relative to its price. */ this.pace = 1;
     /** What the reader of the first pattern did. @type {string[]} */ this.notes = first.notes ?? [];
@@ -157,6 +158,7 @@ class Sketchpad {
       this.line,
       this.linkError ? problem(this.linkError) : null,
       this.sceneControls(),
+      this.leftOutLine(),
       this.refusals(),
       h(
         "div",
@@ -171,6 +173,13 @@ class Sketchpad {
     this.pointing.listen(this.membrane);
     this.soon();
     this.changed(true);
+  }
+
+  /** The scenes that are not shown here, in one line; it opens to the reasons. */
+  leftOutLine() {
+    if (!this.leftOut.length) return null;
+    const reason = (/** @type {any} */ { path, reason, help }) => h("p", {}, h("span", { class: "mono" }, near(path)), ": ", prose(`${reason}. ${help[0].toUpperCase()}${help.slice(1).replaceAll(path, near(path))}.`));
+    return h("details", { class: "small soft", id: "left-out" }, h("summary", {}, `Not shown here: ${this.leftOut.map(({ path }) => near(path)).join(", ")}`), this.leftOut.map(reason));
   }
 
   /** How numbers without a unit in the scene were read, how the first pattern was, and scenes that cannot be used, with their errors. */

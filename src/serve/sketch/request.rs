@@ -5,6 +5,7 @@ use serde_json::Value;
 
 use crate::cache::SimulationSetup;
 use crate::http::ApiError;
+use crate::left_out::check_in_plane;
 use crate::state::ServerState;
 use deaflow_base::{Dimension, Document, Quantity};
 use deaflow_design::{Goal, Objective};
@@ -78,6 +79,7 @@ impl SketchRequest {
     /// If a value is invalid.
     pub fn setup(&self, state: &ServerState) -> Result<SimulationSetup, ApiError> {
         let scene = self.scene(state)?;
+        check_in_plane(&scene, "SCENE")?;
         let method = self.method.as_deref().unwrap_or("newton");
         let method: Method = method.parse().map_err(|unknown| {
             ApiError::bad_request(format!("invalid `method`: {method:?}")).help(format!("{unknown}"))

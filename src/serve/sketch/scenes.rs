@@ -6,30 +6,33 @@ use super::price::prices;
 use super::request::with_effects;
 use crate::compute::TIME_LIMIT;
 use crate::http::{ApiError, Request, Response};
+use crate::left_out::LeftOut;
 use crate::state::{NamedScene, ServerState};
 use deaflow_fem::effects::EFFECTS;
 use deaflow_pattern::{Part, Point, Polygons};
 use deaflow_scene::{Scene, Sides};
 
-/// Lists the scenes, the default one first, those of the gallery, and the files whose scenes cannot be used, with their
-/// errors.
+/// Lists the scenes, the default one first, those of the gallery, the files whose scenes the sketchpad does not show,
+/// and those whose scenes cannot be used, with their errors.
 ///
 /// # Errors
 /// If the request is invalid.
 pub fn scenes(state: &ServerState, request: &Request) -> Result<Response, ApiError> {
     request.allow(&[])?;
-    let scenes: Vec<Value> = state.read_scenes().iter().map(document).collect();
-    let refused = state.invalid_scenes().into_iter().map(|(path, error)| {
+    let read = state.read_scenes();
+    let refused = read.invalid.into_iter().map(|(path, error)| {
         let mut document = error.document();
         document["path"] = json!(path);
         document
     });
-    let refused: Vec<Value> = refused.collect();
-    let examples: Vec<Value> = state.examples().iter().map(document).collect();
-    Ok(
-        json!({ "scenes": scenes, "examples": examples, "refused": refused, "time_limit": TIME_LIMIT.as_secs() })
-            .into(),
-    )
+    Ok(json!({
+        "scenes": read.scenes.iter().map(document).collect::<Vec<_>>(),
+        "examples": state.examples().iter().map(document).collect::<Vec<_>>(),
+        "left_out": read.left_out.iter().map(LeftOut::document).collect::<Vec<_>>(),
+        "refused": refused.collect::<Vec<_>>(),
+        "time_limit": TIME_LIMIT.as_secs(),
+    })
+    .into())
 }
 
 fn document(named: &NamedScene) -> Value {

@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 
 use super::super::common::{SHORT, SMALL, Workspace, scene_file, scene_of_20_cells, with_scene_in_a_file};
 use super::server::{Reply, Server};
+use super::tab::Tab;
 use super::{disc, rows, rows_of, with_scene};
 
 #[test]
@@ -550,6 +551,72 @@ fn a_scene_that_is_broken_later_is_listed_with_its_problem() {
         !message.contains(" line ") && refused[0]["error"]["line"].is_u64(),
         "{after}"
     );
+}
+
+#[test]
+fn scenes_that_the_sketchpad_does_not_show_are_named_with_the_reason() {
+    let workspace = with_scene();
+    workspace.write("short.yaml", SHORT);
+    let swept = SHORT
+        .replace("5.25 kV", "\"${volts}\"")
+        .replace("kind: sample,", "kind: sample, foreach: { volts: [4 kV, 5 kV] },")
+        .replace("needs: [small]", "needs: [small], foreach: { volts: [4 kV, 5 kV] }");
+    workspace.write("swept.yaml", &swept);
+    let blown = scene_file() + "loads: { pressure: 500 Pa }\n";
+    workspace.write("blown.yaml", &blown);
+    let stages = "stages:\n  one: { kind: sample, family: small-grid, count: 2, seed: 1 }\n";
+    workspace.write(
+        "pump.yaml",
+        &format!("version: 1\nname: pump\nscene: blown.yaml\n{stages}"),
+    );
+    let server = Server::start(&workspace, &["serve", "short.yaml", "swept.yaml", "pump.yaml"]);
+    let found = server.get("/api/scenes").json();
+    assert_eq!(
+        (found["scenes"].as_array().unwrap().len(), &found["refused"]),
+        (1, &json!([]))
+    );
+    let in_space = "the sketchpad simulates membranes in the plane; this one has a pressure";
+    for (at, file, reason) in [
+        (
+            0,
+            "swept.yaml",
+            "the sweep of the pipeline sets `${volts}` of its scene",
+        ),
+        (1, "pump.yaml", in_space),
+    ] {
+        let left_out = &found["left_out"][at];
+        assert!(left_out["path"].as_str().unwrap().ends_with(file), "{left_out}");
+        assert_eq!(left_out["reason"], reason);
+    }
+    let help = found["left_out"][1]["help"].as_str().unwrap();
+    assert!(help.contains("pump.yaml PATTERN --figure out.png"), "{help}");
+    // Requests and the command refuse them in the same words.
+    let asked = server.post("/api/sketch", &json!({ "scene": blown, "pattern": rows(disc) }));
+    assert_eq!(
+        (asked.status, asked.json()["error"]["message"].as_str()),
+        (400, Some(in_space))
+    );
+    for (file, told) in [
+        ("blown.yaml", in_space),
+        ("swept.yaml", "the sweep of the pipeline sets `${volts}`"),
+    ] {
+        let ended = workspace.run(&["sketch", file]);
+        assert_eq!(ended.code, Some(2), "{}", ended.stderr);
+        assert!(
+            ended.stderr.contains(told) && ended.stderr.contains("deaflow s"),
+            "{}",
+            ended.stderr
+        );
+    }
+    let Some(mut tab) = Tab::open() else { return };
+    tab.screen(1440, 900, "light");
+    tab.go(&format!("{}#/sketch", server.url));
+    tab.until("document.querySelector('#left-out')");
+    assert_eq!(tab.text("#left-out summary"), "Not shown here: swept.yaml, pump.yaml");
+    let shown = tab.value("[document.querySelector('#left-out').open, document.querySelectorAll('.refused').length]");
+    assert_eq!(shown, json!([false, 0]));
+    tab.until("document.querySelector('#results').dataset.settled === 'true'");
+    assert_eq!(tab.complaints, Vec::<String>::new());
 }
 
 #[test]
