@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use serde_json::{Value, json};
 
 use super::cache::{
-    CriticalVoltage, LruCache, ModelErrors, SimulationSetup, SolverCache, StoreTotals, TableCache, lock,
+    CriticalVoltage, LruCache, ModelErrors, SimulationSetup, SolverCache, StoreTotals, TableCache, VoltageLimits, lock,
 };
 use super::examples::examples;
 use super::http::ApiError;
@@ -88,6 +88,8 @@ pub struct ServerState {
     pub solvers: SolverCache,
     /// Critical voltages of drawn patterns, which are asked for at many voltages.
     pub critical_voltages: LruCache<(SimulationSetup, Pattern), Option<CriticalVoltage>>,
+    /// What else limits their voltages.
+    pub voltage_limits: LruCache<(SimulationSetup, Pattern), VoltageLimits>,
     /// Open artifacts: opening one with many chunks opens all of them.
     pub opened: LruCache<ArtifactId, Artifact>,
     /// Trained networks.
@@ -150,6 +152,7 @@ impl ServerState {
             examples,
             solvers: SolverCache::default(),
             critical_voltages: LruCache::new(MAX_CRITICAL_VOLTAGES),
+            voltage_limits: LruCache::new(MAX_CRITICAL_VOLTAGES),
             opened: LruCache::new(MAX_OPENED),
             networks: LruCache::new(MAX_NETWORKS),
             model_errors: LruCache::new(MAX_NETWORKS),

@@ -9,6 +9,6 @@ mod totals;
 
 pub use lru::{LruCache, lock};
 pub use model_errors::{ModelErrors, score_document};
-pub use solvers::{CriticalVoltage, PreparedSolver, SimulationSetup, SolverCache};
+pub use solvers::{CriticalVoltage, PreparedSolver, SimulationSetup, SolverCache, VoltageLimits};
 pub use tables::TableCache;
 pub use totals::StoreTotals;

@@ -34,6 +34,16 @@ pub struct CriticalVoltage {
     pub bracket: [f64; 2],
 }
 
+/// What limits the voltage of a pattern before it loses stability, on the mesh of the request; `None` if it is not
+/// reached, or not known.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct VoltageLimits {
+    /// The voltage at which the electric field reaches the breakdown field of the scene, V.
+    pub breakdown: Option<f64>,
+    /// The voltage from which the membrane wrinkles, V.
+    pub wrinkling: Option<f64>,
+}
+
 /// A solver with its scene.
 pub struct PreparedSolver {
     /// The scene with its effects resolved.

@@ -1,6 +1,7 @@
 // The numbers of the sketchpad: results, their errors, and the command that prints them.
 
 import { copyable, copying, errorDigits, h, measured, number, prose, rangeEnds, replace, roundedBy, seconds } from "./elements.js";
+import { limitsBefore } from "./sketch-voltage.js";
 
 /** Explanations of outcomes. @type {Record<string, string>} */
 const OUTCOMES = {
@@ -85,6 +86,8 @@ export class Numbers {
       ...line("error of method and mesh", found.error, "mm"),
       ...line("critical voltage", found.critical_voltage, "V"),
       ...line("error of the critical voltage", found.critical_voltage_error, "V"),
+      ...line("voltage at which the breakdown field is reached, on this mesh", found.breakdown_voltage, "V"),
+      ...line("voltage from which the membrane wrinkles, on this mesh", found.wrinkling_voltage, "V"),
       ...line("largest field over breakdown strength", found.breakdown_ratio),
       ...line("smallest eigenvalue of the tangent", found.smallest_eigenvalue),
       ...(this.results.dataset.settled === "true" ? [] : ["error and critical voltage were still being computed"]),
@@ -121,18 +124,18 @@ export class Numbers {
     const known = quick ? null : found.error;
     replace(
       this.results,
-      entry("outcome", "outcome", found.outcome, "", null, OUTCOMES[found.outcome]?.replaceAll("`", "") ?? null),
+      entry("outcome", "outcome", this.isOfMesh(found) ? `${found.outcome}, on this mesh only` : found.outcome, "", null, OUTCOMES[found.outcome]?.replaceAll("`", "") ?? null),
       entry("max-displacement", "largest displacement", roundedBy(found.max_displacement, known), "mm", found.max_displacement),
       entry("value", "value at the point", roundedBy(Math.abs(found.value ?? NaN) < ROUNDING ? 0 : found.value, known), "mm", found.value),
       against ? entry("wanted", `target ${number(pad.target, 6)} mm`, against.words, "", found.value - pad.target) : null,
       entry("error", "error of method and mesh", quick ? "…" : errorDigits(found.error), quick ? "" : "mm", found.error),
       (found.breakdown_ratio ?? null) === null ? null : entry("breakdown", "largest field over breakdown strength", number(found.breakdown_ratio, 4), "", found.breakdown_ratio),
       (found.smallest_eigenvalue ?? null) === null ? null : entry("eigenvalue", "smallest eigenvalue of the tangent (0: instability)", number(found.smallest_eigenvalue, 4), "", found.smallest_eigenvalue),
-      entry("seconds", "computing time", seconds(found.seconds), ""),
+      entry("seconds", "time of the solution", seconds(found.seconds), ""),
     );
     if (!quick) this.results.dataset.settled = "true";
     replace(this.notice, found.max_displacement === null ? this.unstable(found) : this.beyond(found));
-    this.timing.textContent = this.took === null ? "" : `${this.rate.perSecond ? `${number(this.rate.perSecond, 2)} updates per second, ` : ""}${number(this.took, 3)} ms for one`;
+    this.timing.textContent = this.took === null ? "" : `${this.rate.perSecond ? `${number(this.rate.perSecond, 2)} updates per second; ` : ""}an update takes ${number(this.took, 3)} ms`;
   }
 
   /** Describes the critical voltage. @param {any} found */
@@ -161,11 +164,23 @@ export class Numbers {
     );
   }
 
-  /** Warns of a voltage at which finer meshes may be unstable. @param {any} found */
+  /** Whether only this mesh has the state: finer ones are unstable. @param {any} found */
+  isOfMesh(found) {
+    const { critical_voltage: critical, critical_voltage_error: error } = found;
+    return found.max_displacement !== null && (critical ?? null) !== null && error && found.voltage > critical + error;
+  }
+
+  /** Warns of a voltage above a limit, or at which finer meshes may be unstable. @param {any} found */
   beyond(found) {
     const { critical_voltage: critical, critical_voltage_error: error } = found;
-    if ((critical ?? null) === null || !error || found.voltage < critical - error) return null;
+    const passed = limitsBefore(found).filter((one) => found.voltage > one.voltage);
+    const words = (/** @type {string} */ what) => (what === "wrinkles" ? "the membrane wrinkles; switch on the effect wrinkling to simulate it" : "the electric field is above the breakdown field");
+    const before = passed.map((one) => h("p", {}, `From ${number(one.voltage)} V, ${words(one.what)}.`));
+    const at = `${number(found.voltage, 6)} V`;
+    if ((critical ?? null) === null || !error || found.voltage < critical - error) {
+      return passed.length ? h("div", { class: "box", role: "alert", id: "passed" }, h("b", {}, `${at} is above the limit.`), before) : null;
+    }
     const where = found.voltage > critical + error ? "above" : "within the error of";
-    return h("div", { class: "box", role: "alert", id: "beyond" }, h("b", {}, `${number(found.voltage, 6)} V is ${where} the critical voltage, ${this.critical(found)} (two finer meshes).`), h("p", {}, `The membrane is stable only with this mesh (${meshWords(found.elements_per_cell, found.order)}).`));
+    return h("div", { class: "box", role: "alert", id: "beyond" }, h("b", {}, `${at} is ${where} the critical voltage, ${this.critical(found)} (two finer meshes).`), h("p", {}, `The membrane is stable only with this mesh (${meshWords(found.elements_per_cell, found.order)}).`), before);
   }
 }

@@ -18,7 +18,7 @@ export class Sweep {
   /** @param {any} pad */
   constructor(pad) {
     this.pad = pad;
-    /** @type {{key: string, points: any[], displacement: Float32Array, pattern: any, critical: number|null, error: number, isAssumed: boolean}|null} */ this.found = null;
+    /** @type {{key: string, points: any[], displacement: Float32Array, pattern: any, critical: number|null, error: number, broken: number|null, isAssumed: boolean}|null} */ this.found = null;
     /** Whether membrane and numbers show the sweep. */ this.isPlaying = false;
     /** Whether the error of the drawing is known, whose numbers are shown at the end. */ this.isSettled = false;
     this.timer = 0;
@@ -52,7 +52,7 @@ export class Sweep {
         const pattern = pad.pattern.copy();
         const { document: found, arrays } = await frame("sketch/sweep", { body: { ...pad.body(true), fields: [] }, signal: request.signal });
         if (pad.ended || pad.setupKey() !== key) return;
-        this.found = { key, points: found.points, displacement: /** @type {Float32Array} */ (arrays.displacement.data), pattern, critical: found.critical_voltage, error: found.critical_voltage_error ?? 0, isAssumed: found.breakdown_assumed };
+        this.found = { key, points: found.points, displacement: /** @type {Float32Array} */ (arrays.displacement.data), pattern, critical: found.critical_voltage, error: found.critical_voltage_error ?? 0, broken: found.breakdown_voltage, isAssumed: found.breakdown_assumed };
       });
       if (this.request !== request) return;
       this.request = null;
@@ -90,7 +90,10 @@ export class Sweep {
     this.isSettled = dataset.settled === "true";
     dataset.settled = "false";
     this.play.textContent = "■ Stop";
-    const last = found.points[found.points.length - 1].voltage;
+    const { voltage: last, max_displacement: most } = found.points[found.points.length - 1];
+    /** The range of the colours, which stays. */
+    this.colours = `; colours 0 to ${number(most, 3)} mm`;
+    this.pad.showBar(true);
     const began = performance.now();
     const step = () => {
       if (!this.isPlaying || this.pad.ended) return;
@@ -133,7 +136,7 @@ export class Sweep {
     pad.line.textContent = state.value === null ? `largest ${number(state.largest)} mm` : `value ${number(state.value)} mm, largest ${number(state.largest)} mm`;
     const end = critical === null ? `end of the sweep, ${kilovolts(voltage)}` : this.pullIn(voltage);
     const field = state.breakdown === null ? "" : state.breakdown < 1 ? `, field ${number(100 * state.breakdown, 3)} % of breakdown` : ", above the breakdown field";
-    pad.legend.textContent = isEnd ? `${end}${field}` : `${kilovolts(voltage)}: at most ${number(state.largest, 3)} mm${field}`;
+    pad.legend.textContent = isEnd ? `${end}${field}${this.colours}` : `${kilovolts(voltage)}: displacement at most ${number(state.largest, 3)} mm${field}${this.colours}`;
     pad.legend.classList.toggle("error", (isEnd && critical !== null) || (state.breakdown ?? 0) >= 1);
     this.mark(voltage, isEnd && critical !== null);
   }
@@ -143,16 +146,6 @@ export class Sweep {
     const { critical, error } = /** @type {NonNullable<typeof this.found>} */ (this.found);
     const isOwn = critical !== null && voltage < critical - error;
     return isOwn ? `pull-in on this mesh: no stable state above ${kilovolts(voltage)}` : "pull-in: no stable state above the limit";
-  }
-
-  /** The voltage at which the electric field reaches the breakdown field; null if it stays below. @returns {number|null} */
-  breakdownVoltage() {
-    const { points } = /** @type {NonNullable<typeof this.found>} */ (this.found);
-    const at = points.findIndex((point) => point.breakdown_ratio >= 1);
-    if (at < 1) return at === 0 ? points[0].voltage : null;
-    const [from, to] = [points[at - 1], points[at]];
-    const share = (1 - from.breakdown_ratio) / (to.breakdown_ratio - from.breakdown_ratio);
-    return from.voltage + share * (to.voltage - from.voltage);
   }
 
   /** @param {number} voltage @returns {[number, number]} */
@@ -169,9 +162,8 @@ export class Sweep {
   /** Draws the curve. */
   draw() {
     const found = /** @type {NonNullable<typeof this.found>} */ (this.found);
-    const { points, critical, isAssumed } = found;
+    const { points, critical, broken, isAssumed } = found;
     const last = points[points.length - 1];
-    const broken = this.breakdownVoltage();
     const brokenAt = broken === null ? 0 : this.place(broken)[0];
     const line = points.map((point) => this.place(point.voltage).map((at) => at.toFixed(1)).join(",")).join(" ");
     const [end] = this.place(last.voltage);
@@ -198,6 +190,7 @@ export class Sweep {
         this.dot,
       ),
     );
+    this.age();
     this.mark();
   }
 
@@ -205,6 +198,8 @@ export class Sweep {
   mark(voltage = this.pad.voltage, isLost = false) {
     if (!this.found || !this.dot) return;
     const { points } = this.found;
+    // The curve of another drawing has no place for this one.
+    this.dot.setAttribute("visibility", this.isOld() ? "hidden" : "visible");
     const [x, y] = this.place(voltage);
     const beyond = voltage > points[points.length - 1].voltage;
     this.dot.setAttribute("cx", x.toFixed(1));
@@ -217,7 +212,17 @@ export class Sweep {
     this.isSettled = false;
     this.stop();
     if (!this.box || !this.found) return;
-    this.box.classList.toggle("old", this.found.key !== this.pad.setupKey());
+    this.age();
     this.mark();
+  }
+
+  /** Whether the curve is that of another drawing. */
+  isOld() {
+    return this.found?.key !== this.pad.setupKey();
+  }
+
+  /** Turns the curve of another drawing grey. */
+  age() {
+    this.box.classList.toggle("old", this.isOld());
   }
 }

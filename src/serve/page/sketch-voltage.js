@@ -22,6 +22,17 @@ export function kilovolts(value) {
   return value < 1000 ? `${number(value, 3)} V` : `${number(value / 1000, 3)} kV`;
 }
 
+/**
+ * What limits the voltage of a drawing, the lowest first: in words as the limit, and as a voltage beside a lower one. Those before the loss of stability are
+ * known only for the mesh of the drawing.
+ * @param {any} found response with the critical voltage @returns {{voltage: number, what: string, beside: string}[]}
+ */
+export function limitsBefore(found) {
+  const one = (/** @type {number|null|undefined} */ voltage, /** @type {string} */ what, /** @type {string} */ beside) => (voltage === null || voltage === undefined ? [] : [{ voltage, what, beside: `${beside} ${number(voltage)} V` }]);
+  const all = [...one(found.breakdown_voltage, "breakdown field", "breakdown field at"), ...one(found.wrinkling_voltage, "wrinkles", "wrinkles from")];
+  return all.sort((a, b) => a.voltage - b.voltage);
+}
+
 /** The highest voltage with three digits that is not above a limit. @param {number} limit */
 function below(limit) {
   const unit = 10 ** (Math.floor(Math.log10(limit)) - 2);
@@ -32,7 +43,7 @@ export class Voltage {
   /** @param {any} pad */
   constructor(pad) {
     this.pad = pad;
-    /** The highest stable voltage of the drawing, V; null if it is unknown or there is none. @type {number|null} */ this.limit = null;
+    /** The lowest known limit of the drawing, V; null if it is unknown or there is none. @type {number|null} */ this.limit = null;
   }
 
   /** @param {any} more controls beside the slider */
@@ -117,7 +128,12 @@ export class Voltage {
     this.place();
   }
 
-  /** Shows the limit of a drawing. @param {any} found response with the critical voltage */
+  /** The limit cannot be computed. */
+  fail() {
+    if (this.range && this.text.textContent.startsWith("computing")) this.text.textContent = "";
+  }
+
+  /** Shows the limits of a drawing, the lowest first. @param {any} found response with the critical voltage */
   showLimit(found) {
     if (!this.range) return;
     const { critical_voltage: at, critical_voltage_error: error } = found;
@@ -127,9 +143,12 @@ export class Voltage {
     const own = stable === undefined ? "" : `this mesh alone: ${from === to ? from : `${from} to ${to}`} V`;
     // The command prints the limit of the mesh: if both differ, both are shown.
     const differs = own && error && (lost < at - error || stable > at + error);
-    this.limit = words === null ? null : Math.min(at, stable ?? at);
-    this.mark.value = words === null ? "" : String(at);
-    this.text.textContent = words === null ? "no instability found" : `limit ${words}${differs ? ` (${own})` : ""}`;
+    const [first, ...others] = limitsBefore(found);
+    const stability = words === null ? null : `${words}${differs ? ` (${own})` : ""}`;
+    this.limit = first?.voltage ?? (words === null ? null : Math.min(at, stable ?? at));
+    this.mark.value = this.limit === null ? "" : String(first?.voltage ?? at);
+    const beyond = [...others.map((one) => one.beside), stability === null ? "no instability found" : `stability is lost at ${stability}`];
+    this.text.textContent = first ? `limit ${number(first.voltage)} V (${first.what}); ${beyond.join("; ")}` : stability === null ? "no instability found" : `limit ${stability}`;
     this.text.title = stable === undefined ? "" : `this mesh alone: ${stable} to ${lost} V`;
     this.show();
   }

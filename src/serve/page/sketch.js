@@ -30,9 +30,15 @@ const COLOURINGS = {
   stress: ["larger principal stress", "kPa", 1e3, false],
   least_stress: ["smaller principal stress", "kPa", 1e3, false],
   field: ["true electric field", "MV/m", 1e6, true],
-  tension: ["tension: taut, wrinkled, slack", "", 1, true],
+  tension: ["tension", "", 1, true],
   electrode: ["electrodes", "", 1, true],
 };
+
+/** The states of tension, by their codes. */
+const TENSIONS = ["taut", "wrinkled", "slack"];
+
+/** Their colours. */
+const TENSION_COLOURS = [...steps(TENSIONS.map((_, code) => code), 0, TENSIONS.length - 1)].map((step) => SEQUENTIAL[step]);
 
 /** On screens of this width the membrane is below the drawing, whose electrodes are then also drawn as they move. */
 const NARROW = "(max-width: 49.99rem)";
@@ -92,9 +98,10 @@ class Sketchpad {
     this.direction = 0;
     /** @type {string[]|null} */ this.effects = null;
     this.critical = null;
+    /** @type {number|null} */ this.criticalError = null;
     /** The drawing whose critical voltage is known. */ this.criticalOf = "";
     /** @type {any} */ this.shown = null;
-    /** A stable state, with the drawing that it belongs to, and whether it is the last one along the voltage. @type {{key: string, shown: any, isLast: boolean}|null} */ this.stable = null;
+    /** A stable state, with the drawing that it belongs to, and whether it is the last one along the voltage. @type {{key: string, shown: any, isLast: boolean, at?: number}|null} */ this.stable = null;
     /** The drawing and the fields whose last stable state is being computed. */ this.finding = "";
     /** The target of the point, mm; null without one. @type {number|null} */ this.target = null;
     /** Fields with an invalid value: the numbers are for the values before. @type {Set<string>} */ this.invalid = new Set();
@@ -462,9 +469,11 @@ class Sketchpad {
       const kept = quick && this.shown ? { critical_voltage: null, error: null } : {};
       this.shown = { pattern, document: { ...document, ...kept }, arrays, quick, took: performance.now() - flight.began };
       // The last stable state stays: dragging the slider around the limit must not compute it each time.
+      if (!quick) [this.criticalOf, this.critical, this.criticalError] = [key, document.critical_voltage, document.critical_voltage_error];
+      // The numbers are those of finer meshes: beyond their limit, the state at it is drawn.
+      const last = document.bracket ? Math.min(document.bracket[0], (this.criticalOf === key ? this.critical : null) ?? Infinity) : null;
       if (arrays.displacement && !this.lastStable(key)) this.stable = key === this.setupKey() ? { key, shown: this.shown, isLast: false } : null;
-      else if (!arrays.displacement && document.bracket && !this.lastStable(key)) void this.findStable(key, pattern, document.bracket[0]);
-      if (!quick) this.criticalOf = key;
+      else if (!arrays.displacement && last !== null && this.lastStable(key)?.at !== last) void this.findStable(key, pattern, last);
       this.fresh = true;
       this.soon(this.heat || this.narrow.matches, true);
     } catch (error) {
@@ -473,6 +482,7 @@ class Sketchpad {
       if (flight.version < this.latest || flight.version !== this.version) return;
       this.failed ||= flight.version > this.latest;
       replace(this.numbers.notice, problem(error));
+      this.drive.fail();
       this.grey();
     } finally {
       if (this.flight === flight) {
@@ -485,13 +495,13 @@ class Sketchpad {
   /** Requests the last stable state of a drawing that has none at its voltage. @param {string} key @param {Pattern} pattern @param {number} voltage */
   async findStable(key, pattern, voltage) {
     const body = { ...this.body(true), voltage };
-    const wanted = `${key} ${body.fields}`;
+    const wanted = `${key} ${body.fields} ${voltage}`;
     if (this.finding === wanted) return;
     this.finding = wanted;
     try {
       const { document, arrays } = await frame("sketch", { body });
       if (this.ended || key !== this.setupKey() || !arrays.displacement) return;
-      this.stable = { key, shown: { pattern, document, arrays, quick: true }, isLast: true };
+      this.stable = { key, shown: { pattern, document, arrays, quick: true }, isLast: true, at: voltage };
       this.soon(true, true);
     } catch {
       // Another stable state or the membrane at rest stays; the request of the solution reports errors.
@@ -559,7 +569,6 @@ class Sketchpad {
   show() {
     const { document: found, quick } = this.shown;
     if (!quick) {
-      this.critical = found.critical_voltage;
       this.drive.showLimit(found);
       if (this.isFirst && found.max_displacement !== null && !this.scene.driven_by_charge && !this.sweeping.still.matches) void this.sweeping.start();
       this.isFirst = false;
@@ -611,34 +620,67 @@ class Sketchpad {
     });
   }
 
-  drawMembrane() {
+  /** What is drawn of the membrane: the state, its values, and the ends of their colours in words. */
+  membraneDrawing() {
     const { columns, rows } = this.pattern;
-    const { size_mm: size, parts, borders, sides } = this.scene;
-    // A sweep draws the membrane itself.
-    if (this.sweeping.isPlaying) return;
     const shown = this.stableState();
-    const isOther = shown !== null && shown !== this.shown;
     const displacement = /** @type {Float32Array|null} */ (shown?.arrays.displacement.data ?? null);
     const pattern = displacement ? shown.pattern : this.pattern;
     /** @type {ArrayLike<number>|null} */ let values = null;
     if (displacement && this.colouring === "displacement") values = magnitudes(displacement, columns, rows);
     else if (displacement && this.colouring !== "electrode") values = shown.arrays[this.colouring]?.data ?? null;
-    const [name, unit, factor, fromZero] = /** @type {any} */ (COLOURINGS)[this.colouring];
-    const [least, high] = values ? range(values) : [0, 0];
-    const low = fromZero ? Math.min(0, least) : least;
-    drawMembrane(this.membrane, pattern, displacement, { size, scale: this.scale, values, parts, borders, sides, low, high, point: this.point, direction: this.direction });
+    const [title, unit, factor, fromZero] = /** @type {any} */ (COLOURINGS)[this.colouring];
+    const isTension = this.colouring === "tension";
+    const [least, most] = values ? range(values) : [0, 0];
+    const [low, high] = isTension ? [0, TENSIONS.length - 1] : [fromZero ? Math.min(0, least) : least, most];
+    // The error is that of displacements.
+    const known = this.colouring === "displacement" && shown && !shown.quick ? shown.document.error : null;
+    const ends = [low, high].map((end) => (end === 0 ? "0" : roundedBy(end / factor, known, 3)));
+    ends[1] += ` ${unit}`;
+    return { shown, displacement, pattern, values, low, high, ends, isTension, name: values ? title : "electrodes", voltage: shown?.document.voltage ?? this.voltage };
+  }
+
+  /** @param {HTMLCanvasElement} canvas @param {ReturnType<Sketchpad["membraneDrawing"]>} drawn */
+  drawMembraneOn(canvas, { pattern, displacement, values, low, high }) {
+    const { size_mm: size, parts, borders, sides } = this.scene;
+    drawMembrane(canvas, pattern, displacement, { size, scale: this.scale, values, parts, borders, sides, low, high, point: this.point, direction: this.direction });
+  }
+
+  /** A hidden bar has no width to be drawn in. @param {boolean} isShown */
+  showBar(isShown) {
+    this.bar.hidden = !isShown;
+    if (isShown) drawBar(this.bar, false);
+  }
+
+  drawMembrane() {
+    // A sweep draws the membrane itself.
+    if (this.sweeping.isPlaying) return;
+    const drawn = this.membraneDrawing();
+    const { shown, displacement, values, isTension } = drawn;
+    const isOther = shown !== null && shown !== this.shown;
+    this.drawMembraneOn(this.membrane, drawn);
     this.legend.classList.toggle("error", isOther);
-    // A hidden bar has no width to be drawn in.
-    this.bar.hidden = !values;
-    if (values) {
-      drawBar(this.bar, false);
-      // The error is that of displacements.
-      const known = this.colouring === "displacement" && !shown.quick ? shown.document.error : null;
-      this.legend.textContent = `${name}: ${[low, high].map((end) => (end === 0 ? "0" : roundedBy(end / factor, known, 3))).join(" to ")} ${unit}`;
-    } else this.legend.textContent = this.colouring === "electrode" || !this.shown || displacement ? "electrodes" : "no stable state: the membrane is shown at rest";
-    const which = this.stable?.isLast ? "the last stable one" : "a stable one";
-    if (isOther) this.legend.textContent = `no stable state at ${volts(this.voltage)}; this is ${which}, at ${number(shown.document.voltage)} V: ${this.legend.textContent}`;
-    if (sides) this.legend.textContent += `; ${SIDES}`;
+    this.showBar(Boolean(values) && !isTension);
+    const swatch = (/** @type {string} */ text, /** @type {number} */ code) => {
+      const mark = h("span", { class: "swatch" });
+      mark.style.background = TENSION_COLOURS[code];
+      return h("span", { class: "named" }, mark, text);
+    };
+    /** @type {any[]} */ let words;
+    if (values) words = isTension ? ["tension: ", TENSIONS.map(swatch)] : [`${drawn.name}: ${drawn.ends.join(" to ").trim()}`];
+    else words = [this.colouring === "electrode" || !this.shown || displacement ? "electrodes" : "no stable state: the membrane is shown at rest"];
+    if (isOther) words.unshift(`no stable state at ${volts(this.voltage)}; this is ${this.otherState()}: `);
+    if (this.scene.sides) words.push(`; ${SIDES}`);
+    replace(this.legend, words);
+  }
+
+  /** Which state is drawn in place of one that is not stable. */
+  otherState() {
+    const stable = /** @type {NonNullable<Sketchpad["stable"]>} */ (this.stable);
+    const { voltage } = stable.shown.document;
+    if (!stable.isLast) return `a stable one, at ${number(voltage)} V`;
+    if (this.criticalOf === stable.key && this.critical === stable.at) return `the last stable one, at ${roundedBy(voltage, this.criticalError)} V`;
+    return `the last stable one on this mesh, at ${number(voltage)} V`;
   }
 
   /** @param {string} method @param {number} elements @param {number} order */

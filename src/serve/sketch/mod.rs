@@ -6,6 +6,7 @@ mod improve;
 mod price;
 mod reproduce;
 mod request;
+mod rising;
 mod scenes;
 mod screen;
 mod solve;

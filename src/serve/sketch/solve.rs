@@ -5,6 +5,7 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::request::SketchRequest;
+use super::rising::voltage_limits;
 use crate::artifact_data::field_array;
 use crate::cache::{CriticalVoltage, PreparedSolver, SimulationSetup};
 use crate::http::{ApiError, Array, Request, Response, frame};
@@ -44,6 +45,9 @@ pub fn solve(state: &ServerState, request: &Request) -> Result<Response, ApiErro
         document["critical_voltage"] = json!(critical.map(|found| found.voltage));
         document["critical_voltage_error"] = json!(critical.and_then(|found| found.error));
         document["critical_bracket"] = json!(critical.map(|found| found.bracket));
+        let limits = voltage_limits(state, &setup, &solver, &pattern, critical)?;
+        document["breakdown_voltage"] = json!(limits.breakdown);
+        document["wrinkling_voltage"] = json!(limits.wrinkling);
         document["error"] = json!(solution.error(state, &setup, &pattern)?);
     }
     if drawn.fields.is_empty() {
@@ -174,6 +178,8 @@ impl SketchSolution {
             "critical_voltage": null,
             "critical_voltage_error": null,
             "critical_bracket": null,
+            "breakdown_voltage": null,
+            "wrinkling_voltage": null,
             "error": null,
             "seconds": self.seconds,
             "bracket": simulation.outcome.bracket(),
