@@ -19,6 +19,7 @@ assets! {
         "live.js" "dag.js" "pictures.js" "origin.js" "models.js" "designs.js" "accuracy.js" "quantity.js" "sketch.js"
         "sketch-kept.js" "sketch-pen.js" "sketch-numbers.js" "sketch-improve.js" "sketch-files.js" "sketch-panels.js"
         "sketch-gallery.js" "sketch-link.js" "sketch-point.js" "sketch-sweep.js" "sketch-voltage.js"
+        "sketch-picture.js"
         "overview.js" "pipelines.js" "runs.js" "run-list.js" "parallel.js" "artifacts.js" "rows.js" "audit.js";
 }
 

@@ -38,7 +38,7 @@ export class Files {
       labelled("Open png, csv, npy, svg or dxf", file),
       opened,
       h("div", { class: "tools" }, labelled("Name", this.name)),
-      h("div", { class: "tools", role: "group", "aria-label": "Save as a file" }, h("span", { class: "soft" }, "Save as"), formats),
+      h("div", { class: "tools", role: "group", "aria-label": "Save the mask as a file" }, h("span", { class: "soft" }, "Save the mask as"), formats),
       h("h3", {}, "Use in a pipeline"),
       h("div", { class: "tools" }, this.into),
       this.stages,

@@ -1,6 +1,6 @@
 // The pen of the sketchpad: tools, strokes of the pointer, keys, and undo.
 
-import { choice, h, labelled } from "./elements.js";
+import { choice, h, labelled, number } from "./elements.js";
 import { Mirrors, Pattern } from "./pattern.js";
 import { keep, keptHistory } from "./sketch-kept.js";
 
@@ -24,6 +24,7 @@ export class Pen {
     /** The first corner of a shape that is drawn with keys. @type {{from: [number, number], before: Pattern}|null} */ this.corner = null;
     this.undoKeys = (/** @type {KeyboardEvent} */ event) => this.undoOrRedo(event);
     window.addEventListener("keydown", this.undoKeys);
+    /** Size of the shape that is being drawn, in words. */ this.size = "";
   }
 
   end() {
@@ -112,7 +113,9 @@ export class Pen {
     const up = () => {
       if (before && !before.equals(this.pattern)) this.history.push(before);
       from = before = null;
+      this.size = "";
       this.remember();
+      this.pad.soon();
     };
     canvas.addEventListener("pointerup", up);
     canvas.addEventListener("pointercancel", up);
@@ -132,8 +135,12 @@ export class Pen {
   /** @param {Pattern} before @param {[number, number]} from @param {[number, number]} to @param {number} value */
   apply(before, from, to, value) {
     this.pattern.cells.set(before.cells);
-    if (this.tool === "rectangle" || this.tool === "ellipse") this.pattern.shape(this.tool, from, to, value, this.mirrors);
-    else this.pattern.stroke(from, to, this.diameter, value, this.mirrors);
+    if (this.tool === "rectangle" || this.tool === "ellipse") {
+      this.pattern.shape(this.tool, from, to, value, this.mirrors);
+      const { size_mm: size, columns, rows } = this.scene;
+      const sides = [[0, columns], [1, rows]].map(([axis, cells]) => `${number(((Math.abs(to[axis] - from[axis]) + 1) * size[axis]) / cells)} mm`);
+      this.size = `${this.tool} ${sides.join(" × ")}`;
+    } else this.pattern.stroke(from, to, this.diameter, value, this.mirrors);
   }
 
   /** @param {PointerEvent} event @returns {[number, number]} */
@@ -184,6 +191,7 @@ export class Pen {
     }
     const { before } = this.corner;
     this.corner = null;
+    this.size = "";
     if (before.equals(this.pattern)) return;
     this.history.push(before);
     this.remember();
@@ -195,6 +203,7 @@ export class Pen {
     if (!this.corner) return;
     this.pattern.cells.set(this.corner.before.cells);
     this.corner = null;
+    this.size = "";
     this.pad.changed(true);
   }
 

@@ -12,6 +12,8 @@ import { Pen } from "./sketch-pen.js";
 import { Numbers } from "./sketch-numbers.js";
 import { Improve } from "./sketch-improve.js";
 import { Files, PLACEHOLDER } from "./sketch-files.js";
+import { pictureOf } from "./sketch-picture.js";
+import { save } from "./files.js";
 import { Compare, Effects } from "./sketch-panels.js";
 import { PointPanel } from "./sketch-point.js";
 import { Sweep } from "./sketch-sweep.js";
@@ -273,7 +275,8 @@ class Sketchpad {
     this.area = h("p", { class: "soft small", id: "area" });
     this.invitation = h("p", { id: "invitation" });
     const link = copying("Copy a link that holds the drawing", () => linkTo(this), { id: "copy-link", title: "Pattern, scene, voltage, point and mesh are in the link" });
-    return [this.invitation, this.area, h("div", { class: "tools" }, link)];
+    const where = h("span", { class: "soft small" }, "It opens on this machine, while this server runs.");
+    return [this.invitation, this.area, h("div", { class: "tools" }, link, where)];
   }
 
   colouringControls() {
@@ -287,7 +290,20 @@ class Sketchpad {
         this.scale = Number(value);
         this.soon();
       })),
+      h("button", { type: "button", id: "save-picture", title: "The coloured, deformed membrane as PNG", onclick: () => void this.savePicture() }, "Save the picture"),
     );
+  }
+
+  /** Saves the membrane as it is drawn, with its colours, as PNG. */
+  async savePicture() {
+    this.sweeping.stop();
+    const drawn = this.membraneDrawing();
+    const [low, high] = drawn.ends;
+    const colours = drawn.values ? (drawn.isTension ? TENSIONS.map((text, code) => ({ text, colour: TENSION_COLOURS[code] })) : null) : [];
+    const voltage = this.scene.driven_by_charge ? "" : `, ${volts(drawn.voltage)}`;
+    const lines = [`${this.scene.name}${this.state ? `, ${this.state}` : ""}${voltage}`, `${this.scale === 1 ? "displacements true to scale" : `displacements drawn ${this.scale} times as large`}`];
+    const blob = await pictureOf({ lines, name: drawn.name, ends: [low, high], colours, draw: (canvas) => this.drawMembraneOn(canvas, drawn) });
+    if (blob) save(blob, `${this.files.fileName()}-membrane.png`);
   }
 
   methodControls() {
@@ -554,7 +570,7 @@ class Sketchpad {
       this.frame = 0;
       if (this.ended) return;
       const area = this.areaOf(this.pattern);
-      this.area.textContent = area.text;
+      this.area.textContent = this.pen.size ? `${area.text}; ${this.pen.size}` : area.text;
       this.invitation.textContent = area.share > 0 ? "" : "Draw an electrode here, or open a file under Files.";
       this.pen.mark();
       if (this.fresh) {

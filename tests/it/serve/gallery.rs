@@ -2,9 +2,10 @@
 
 use serde_json::{Value, json};
 
+use super::super::common::{Workspace, scene_of_20_cells};
 use super::server::Server;
 use super::tab::Tab;
-use super::{disc, on_the_sketchpad, photographed, rows, with_scene};
+use super::{disc, on_the_sketchpad, photographed, rows, rows_of, with_scene};
 
 /// Waits until the numbers are those of what is drawn.
 const SETTLED: &str = "document.querySelector('#results')?.dataset.settled === 'true'";
@@ -191,6 +192,9 @@ fn curves_that_elements_follow_are_drawn_as_such() {
     assert_eq!(round["bodies"], json!([]));
 }
 
+/// The voltage at which the red part of the slider begins.
+const ZONE: &str = "(() => { const [zone, range] = ['#unstable-zone', '#voltage'].map((one) => document.querySelector(one).getBoundingClientRect()); return (zone.left - range.left - 8) / (range.width - 16) * Number(document.querySelector('#voltage').max) })()";
+
 #[test]
 fn beyond_the_limit_the_last_stable_state_stays_and_a_button_goes_back() {
     let Some(mut tab) = Tab::open() else { return };
@@ -201,8 +205,7 @@ fn beyond_the_limit_the_last_stable_state_stays_and_a_button_goes_back() {
     tab.until("!document.querySelector('#unstable-zone').hidden && document.querySelector('#to-limit').hidden");
     let limit = tab.text("#critical-voltage");
     // The red part of the slider begins at the limit.
-    let share = "(() => { const [zone, range] = ['#unstable-zone', '#voltage'].map((one) => document.querySelector(one).getBoundingClientRect()); return (zone.left - range.left - 8) / (range.width - 16) * Number(document.querySelector('#voltage').max) })()";
-    let begins = tab.value(share).as_f64().unwrap();
+    let begins = tab.value(ZONE).as_f64().unwrap();
     let told: f64 = limit.split(' ').nth(1).unwrap().parse().unwrap();
     assert!((begins - told).abs() < 0.02 * told, "{begins} and {limit}");
     tab.write("#volts", "9 kV");
@@ -239,6 +242,119 @@ fn beyond_the_limit_the_last_stable_state_stays_and_a_button_goes_back() {
     tab.click("#to-limit");
     tab.until("document.querySelector('#outcome').textContent === 'converged'");
     tab.until("document.querySelector('#to-limit').hidden");
+    assert_eq!(tab.complaints, Vec::<String>::new());
+}
+
+#[test]
+fn the_lowest_limit_is_named_first_and_bounds_the_slider() {
+    let workspace = Workspace::new();
+    let scene = |prestretch: &str| {
+        let scene = scene_of_20_cells().replace("prestretch: 3.0", prestretch);
+        scene + "properties: { dielectric_breakdown: { law: constant, field: 80 MV/m } }\n"
+    };
+    workspace.write("scene.yaml", &scene("prestretch: 3.0"));
+    let server = Server::start(&workspace, &["sketch", "scene.yaml"]);
+    let half = rows_of(20, |x, _| x < 10);
+    let solved = |more: &Value| {
+        let mut body = json!({ "pattern": half, "elements_per_cell": 1 });
+        body.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+        server.post("/api/sketch", &body).json()
+    };
+    let found = solved(&json!({}));
+    let breakdown = found["breakdown_voltage"].as_f64().unwrap();
+    assert!(breakdown < found["critical_voltage"].as_f64().unwrap(), "{found}");
+    assert_eq!(found["wrinkling_voltage"], Value::Null);
+    // The field at that voltage is the breakdown field.
+    let there = solved(&json!({ "voltage": breakdown, "effects": ["dielectric_breakdown"] }));
+    let ratio = there["breakdown_ratio"].as_f64().unwrap();
+    assert!((ratio - 1.0).abs() < 2e-3, "{there}");
+    // With little prestretch it wrinkles before. If that is simulated, it is no limit.
+    let taut = scene("prestretch: 1.2");
+    let found = solved(&json!({ "scene": taut }));
+    let wrinkling = found["wrinkling_voltage"].as_f64().unwrap();
+    assert!(wrinkling < found["critical_voltage"].as_f64().unwrap(), "{found}");
+    let cells = |voltage: f64| {
+        let body = json!({ "scene": taut, "pattern": half, "elements_per_cell": 1, "voltage": voltage, "quick": true, "fields": ["tension"] });
+        server.post("/api/sketch", &body).body
+    };
+    let wrinkled = |voltage: f64| cells(voltage).iter().rev().take(400).filter(|code| **code == 1).count();
+    assert!(
+        wrinkled(0.95 * wrinkling) == 0 && wrinkled(1.02 * wrinkling) > 0,
+        "{wrinkling}"
+    );
+    let simulated = solved(&json!({ "scene": taut, "effects": ["wrinkling"] }));
+    assert_eq!(simulated["wrinkling_voltage"], Value::Null);
+
+    let Some(mut tab) = Tab::open() else { return };
+    tab.screen(1440, 900, "light");
+    tab.go(&server.url);
+    tab.until(SETTLED);
+    tab.until("document.querySelector('#sweep .dot') && document.querySelector('#play').textContent.includes('Play')");
+    let told = tab.text("#critical-voltage");
+    let limits = format!("limit {breakdown:.0} V (breakdown field); stability is lost at 7");
+    assert!(told.starts_with(&limits), "{told}");
+    let begins = tab.value(ZONE).as_f64().unwrap();
+    assert!((begins - breakdown).abs() < 0.01 * breakdown, "{begins}");
+    // Above it, the page says so, and the button goes below it.
+    tab.write("#volts", "7000");
+    tab.until("document.querySelector('#passed')?.textContent.includes('above the breakdown field')");
+    tab.until("!document.querySelector('#to-limit').hidden");
+    tab.click("#to-limit");
+    tab.until("document.querySelector('#to-limit').hidden && !document.querySelector('#passed')");
+    // The curve of another drawing is grey and has no place for this one; played anew it is neither.
+    let curve = "[document.querySelector('#sweep').classList.contains('old'), document.querySelector('#sweep .dot').getAttribute('visibility')]";
+    assert_eq!(tab.value(curve), json!([false, "visible"]));
+    tab.click("[data-gallery=ring]");
+    assert_eq!(tab.value(curve), json!([true, "hidden"]));
+    tab.click("#play");
+    tab.until("document.querySelector('.legend').textContent.includes('; colours 0 to ')");
+    tab.until("document.querySelector('#play').textContent.includes('Play')");
+    assert_eq!(tab.value(curve), json!([false, "visible"]));
+    // The states of tension are three colours with names, and the picture that is saved has what is on the screen.
+    tab.value("(() => { const e = document.querySelector('select[name=colouring]'); e.value = 'tension'; e.dispatchEvent(new Event('change')) })()");
+    tab.until("document.querySelector('.legend').textContent === 'tension: tautwrinkledslack'");
+    let swatches = "new Set([...document.querySelectorAll('.legend .swatch')].map((one) => getComputedStyle(one).backgroundColor)).size";
+    assert_eq!(tab.value(swatches), 3);
+    assert_eq!(tab.value("document.querySelector('canvas.bar').hidden"), true);
+    tab.value("(() => { const made = URL.createObjectURL; URL.createObjectURL = (blob) => { window.saved = blob; return made(blob) } })()");
+    tab.click("#save-picture");
+    tab.until("window.saved");
+    let size = tab.value("createImageBitmap(window.saved).then((image) => [image.width, image.height])");
+    assert_eq!(size[0], 1272);
+    assert!(size[1].as_f64().unwrap() > 1272.0, "{size}");
+    // A shape that is being drawn has its size beside its area.
+    tab.click("[data-tool=rectangle]");
+    tab.value("for (const [type, x, y] of [['pointerdown', 0.21, 0.21], ['pointermove', 0.29, 0.44]]) { const pad = document.querySelector('#pad'); const box = pad.getBoundingClientRect(); pad.setPointerCapture = () => {}; pad.dispatchEvent(new PointerEvent(type, { clientX: box.left + x * box.width, clientY: box.top + y * box.height, pointerId: 1 })) }");
+    tab.until("document.querySelector('#area').textContent.endsWith('; rectangle 5 mm × 12.5 mm')");
+    tab.value("document.querySelector('#pad').dispatchEvent(new PointerEvent('pointerup', { pointerId: 1 }))");
+    tab.until("document.querySelector('#area').textContent.endsWith(' mm²')");
+    assert_eq!(tab.complaints, Vec::<String>::new());
+}
+
+#[test]
+fn states_beyond_the_limit_of_finer_meshes_are_said_to_be_of_the_mesh() {
+    let Some(mut tab) = Tab::open() else { return };
+    let workspace = with_scene();
+    let server = Server::start(&workspace, &["sketch", "scene.yaml"]);
+    tab.screen(1440, 900, "light");
+    tab.go(&server.url);
+    tab.until(SETTLED);
+    tab.click("[data-gallery=lens]");
+    tab.until("document.querySelector('#own-scene')");
+    tab.until(SETTLED);
+    tab.until("document.querySelector('#critical-voltage').textContent.startsWith('limit 7')");
+    tab.until("document.querySelector('#play').textContent.includes('Play')");
+    tab.write("#volts", "8 kV");
+    tab.until("document.querySelector('#outcome')?.textContent === 'converged, on this mesh only'");
+    tab.write("#volts", "10 kV");
+    // The state that is drawn is the one at the stated limit.
+    tab.until("document.querySelector('.legend').textContent.includes('this is the last stable one, at 7')");
+    let limit = tab.text("#critical-voltage");
+    let limit: f64 = limit.split(' ').nth(1).unwrap().parse().unwrap();
+    let legend = tab.text(".legend");
+    let drawn = legend.split("the last stable one, at ").nth(1).unwrap();
+    let drawn: f64 = drawn.split(' ').next().unwrap().parse().unwrap();
+    assert!((drawn - limit).abs() < 1.0, "{legend} and {limit}");
     assert_eq!(tab.complaints, Vec::<String>::new());
 }
 

@@ -254,7 +254,7 @@ fn numbers_of_before_are_grey_and_shapes_are_drawn_by_keys() {
         tab.key(" ", 0);
         (0..3).for_each(|_| tab.key("ArrowRight", 0));
         (0..2).for_each(|_| tab.key("ArrowUp", 0));
-        tab.until("document.querySelector('#area').textContent === 'area 0.48 %, 12 mm²'");
+        tab.until("document.querySelector('#area').textContent === 'area 0.48 %, 12 mm²; rectangle 4 mm × 3 mm'");
         tab.key(more, 0);
     };
     corner(&mut tab, "Escape");
