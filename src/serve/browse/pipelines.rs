@@ -14,7 +14,7 @@ use deaflow_orchestrator::{Environment, Pipeline, plan as planned, plan_document
 use deaflow_report::{STAGE_HEIGHT, layout};
 use deaflow_scene::scene_files;
 use deaflow_stage as stage;
-use deaflow_store::{Command, Run, Store};
+use deaflow_store::{Command, Run, RunStage, Store};
 
 /// Bytes of a pipeline file that are shown.
 const MAX_FILE_BYTES: u64 = 4 << 20;
@@ -69,8 +69,8 @@ pub fn pipeline(state: &ServerState, request: &Request, number: &str) -> Result<
     Ok(document.into())
 }
 
-/// Returns the state of a pipeline in short: its stages, those that have to run with the estimated time, and its last
-/// runs. A pipeline with an error has that as `problem`.
+/// Returns the state of a pipeline in short: its stages, those that have to run with the estimated time, its last runs,
+/// and the run whose results hold, as `shown`. A pipeline with an error has that as `problem`.
 ///
 /// # Errors
 /// If there is no pipeline with that number, or the store cannot be read.
@@ -96,13 +96,14 @@ pub fn summary(state: &ServerState, request: &Request, number: &str) -> Result<R
         "stages": stages.len(),
         "stale": stale,
         "price": plan["price"],
-        "run": last.own_document(),
+        "run": last.own_document(&pipeline),
+        "shown": last.shown(&plan).map(|run| &run.id),
         "changed": last.changed_document(),
     })
     .into())
 }
 
-/// Returns the results of the last run of a pipeline with its values, `results` with their `units`; its last runs as in
+/// Returns the results of the last run of a pipeline with its values, or of its last complete one, `results` with their `units`; its last runs as in
 /// its summary; and the computing time of each stage that is up to date, `seconds`.
 fn last_results(state: &ServerState, pipeline: &Pipeline, plan: &Value) -> Result<Value, ApiError> {
     let Some(store) = state.store()? else {
@@ -125,11 +126,12 @@ fn last_results(state: &ServerState, pipeline: &Pipeline, plan: &Value) -> Resul
         }
     }
     let last = LastRuns::of(&store, pipeline)?;
+    let shown = last.shown(plan);
     Ok(json!({
-        "results": last.own.as_ref().map(|run| &run.results),
-        "units": last.own.as_ref().map(units),
+        "results": shown.map(|run| &run.results),
+        "units": shown.map(units),
         "seconds": seconds,
-        "run": last.own_document(),
+        "run": last.own_document(pipeline),
         "changed": last.changed_document(),
     }))
 }
@@ -139,6 +141,8 @@ fn last_results(state: &ServerState, pipeline: &Pipeline, plan: &Value) -> Resul
 struct LastRuns {
     /// The last run with the values of the pipeline.
     own: Option<Run>,
+    /// The last one of these that built all of its stages.
+    complete: Option<Run>,
     /// The last run with other values, if it is later.
     changed: Option<Run>,
 }
@@ -150,10 +154,16 @@ impl LastRuns {
             let run = run?;
             match run.command {
                 Command::Run if run.overrides == pipeline.overrides => {
-                    found.own = Some(run);
-                    break;
+                    let is_complete = run.failures.is_empty() && run.stopped.is_empty() && run.not_begun.is_empty();
+                    if is_complete {
+                        found.complete = Some(run.clone());
+                    }
+                    found.own.get_or_insert(run);
+                    if is_complete {
+                        break;
+                    }
                 }
-                Command::Run if found.changed.is_none() => found.changed = Some(run),
+                Command::Run if found.own.is_none() && found.changed.is_none() => found.changed = Some(run),
                 // An audit builds one stage, and a sweep other stages.
                 Command::Run | Command::Audit | Command::Sweep => {}
             }
@@ -161,14 +171,34 @@ impl LastRuns {
         Ok(found)
     }
 
-    fn own_document(&self) -> Option<Value> {
+    /// Returns the run whose results hold: the last complete one if everything that it built is up to date in a plan,
+    /// or else the last one.
+    fn shown(&self, plan: &Value) -> Option<&Run> {
+        let is_up_to_date = |done: &RunStage| {
+            let stages = plan["stages"].as_array().into_iter().flatten();
+            let mut own = stages.filter(|stage| stage["name"] == done.name.as_str() && stage["outcome"] != "stale");
+            own.any(|stage| stage["digest"] == done.artifact.to_string())
+        };
+        let (complete, own) = (self.complete.as_ref(), self.own.as_ref());
+        complete
+            .filter(|run| own.is_none_or(|own| own.stages.len() <= run.stages.len()))
+            .filter(|run| run.stages.iter().all(is_up_to_date))
+            .or(own)
+    }
+
+    /// Returns the last run, with the stages of the pipeline that failed or were stopped.
+    fn own_document(&self, pipeline: &Pipeline) -> Option<Value> {
+        let still_there = |names: &[String]| -> Vec<String> {
+            let is_there = |name: &&String| pipeline.stages.iter().any(|spec| spec.name == **name);
+            names.iter().filter(is_there).cloned().collect()
+        };
         let document = |run: &Run| {
             json!({
                 "id": run.id,
                 "created": run.created,
                 "seconds": run.seconds,
-                "failed": run.failures,
-                "stopped": run.stopped,
+                "failed": still_there(&run.failures),
+                "stopped": still_there(&run.stopped),
             })
         };
         self.own.as_ref().map(document)

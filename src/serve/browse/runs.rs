@@ -24,6 +24,7 @@ const MAX_RUNS: usize = 1000;
 
 /// Lists past runs, the latest first, as `deaflow log --json`; parameters `limit` and `offset`. With `values`, paths of
 /// `--set` separated by commas, each run has `values`: those that it did not change, as far as its records have them.
+/// `units` are those of the results of all runs.
 ///
 /// # Errors
 /// If the store cannot be read.
@@ -34,7 +35,7 @@ pub fn runs(state: &ServerState, request: &Request) -> Result<Response, ApiError
         request.integer("offset", 0, usize::MAX)?,
     );
     let Some(store) = state.store()? else {
-        return Ok(json!({ "runs": [], "more": false }).into());
+        return Ok(json!({ "runs": [], "more": false, "units": {} }).into());
     };
     let mut all = store.runs()?;
     let page: Vec<Run> = all.by_ref().skip(offset).take(limit).collect::<Result<_, _>>()?;
@@ -44,14 +45,16 @@ pub fn runs(state: &ServerState, request: &Request) -> Result<Response, ApiError
     let paths: Vec<&str> = paths.map_or_else(Vec::new, |paths| paths.split(',').collect());
     let mut recorded = RecordedValues::new(&store);
     let mut documents: Vec<Value> = Vec::with_capacity(page.len());
+    let mut all_units = BTreeMap::new();
     for run in &page {
+        all_units.extend(units(run));
         let mut document = run_document(run, &removed);
         if !paths.is_empty() {
             document["values"] = json!(recorded.of(run, &paths)?);
         }
         documents.push(document);
     }
-    Ok(json!({ "runs": documents, "more": more }).into())
+    Ok(json!({ "runs": documents, "more": more, "units": all_units }).into())
 }
 
 /// Values of runs in the records of their stages.

@@ -59,7 +59,7 @@ class Card {
       this.found = found;
       this.showState();
       this.showRun();
-      const id = found.run?.id ?? "";
+      const id = found.shown ?? "";
       if (found.problem || id === this.shown) return;
       if (!id) {
         this.shown = "";
@@ -97,9 +97,13 @@ function stateOf(found, name) {
   if (found.problem) return ["failed", "invalid file"];
   const running = (standing()?.runs ?? []).find((/** @type {any} */ run) => run.pipeline === name);
   if (running) return ["running", ["running", running.stages.map((/** @type {any} */ stage) => stage.name).join(", ")].filter(Boolean).join(": ")];
+  // As `deaflow status`: a failed run stays in sight until one succeeds.
+  const [failures, stopped] = [found.run?.failed ?? [], found.run?.stopped ?? []];
+  if (!found.stale.length && failures.length) return ["failed", `last run failed: ${failures.join(", ")}; results are up to date`];
+  if (!found.stale.length && stopped.length) return ["stale", `last run was stopped in ${stopped.join(", ")}; results are up to date`];
   if (!found.stale.length) return ["fresh", "up to date"];
   const price = found.price ? `, about ${seconds(found.price.seconds.likely)}` : "";
   const rest = `${found.stale.length} of ${found.stages} stages${price}`;
-  const failed = (found.run?.failed ?? []).filter((/** @type {string} */ stage) => found.stale.includes(stage));
+  const failed = failures.filter((/** @type {string} */ stage) => found.stale.includes(stage));
   return failed.length ? ["failed", `failed: ${failed.join(", ")}; ${rest} to run`] : ["stale", `has to run: ${rest}`];
 }

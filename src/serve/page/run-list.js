@@ -14,6 +14,14 @@ const MAX_RESULTS = 4;
 /** Marked runs; they are kept when the view changes. @type {Set<string>} */
 const CHOSEN = new Set();
 
+/** The units of results. @type {Record<string, string>} */
+let UNITS = {};
+
+/** The name of a result with its unit. @param {string} name */
+function withUnit(name) {
+  return UNITS[name] ? `${name}, ${UNITS[name]}` : name;
+}
+
 /** @param {any} run @param {string} outcome */
 function withOutcome(run, outcome) {
   return run.stages.filter((/** @type {any} */ stage) => stage.outcome === outcome).map((/** @type {any} */ stage) => stage.name);
@@ -38,7 +46,7 @@ const COLUMNS = {
   took: { title: "took", number: true, show: (run) => seconds(run.seconds), by: (run) => run.seconds },
   built: { title: "built", show: built, by: (run) => withOutcome(run, "built").length },
   changed: { title: "changed", show: (run) => changes(run.overrides), by: (run) => JSON.stringify(run.overrides) },
-  results: { title: "results", show: (run) => h("span", {}, ranked(run.results).slice(0, MAX_RESULTS).map(([name, value]) => h("div", {}, `${name} ${cell(value)}`))), by: (run) => Object.keys(run.results).length },
+  results: { title: "results", show: (run) => h("span", {}, ranked(run.results).slice(0, MAX_RESULTS).map(([name, value]) => h("div", {}, `${name} ${cell(value)}${UNITS[name] ? ` ${UNITS[name]}` : ""}`))), by: (run) => Object.keys(run.results).length },
   host: { title: "machine", show: (run) => run.host, by: (run) => run.host },
 };
 
@@ -49,7 +57,7 @@ const USUAL = ["run", "ended", "pipeline", "took", "built", "changed", "results"
 function columnsOf(runs) {
   const names = (/** @type {"overrides"|"results"} */ key) => [...new Set(runs.flatMap((run) => Object.keys(run[key])))].sort();
   const changed = names("overrides").map((name) => [`set:${name}`, { title: name, show: (/** @type {any} */ run) => run.overrides[name] ?? "", by: (/** @type {any} */ run) => run.overrides[name] }]);
-  const results = names("results").map((name) => [`result:${name}`, { title: name, number: true, show: (/** @type {any} */ run) => (name in run.results ? h("span", { title: String(run.results[name]) }, cell(run.results[name])) : ""), by: (/** @type {any} */ run) => run.results[name] }]);
+  const results = names("results").map((name) => [`result:${name}`, { title: withUnit(name), number: true, show: (/** @type {any} */ run) => (name in run.results ? h("span", { title: String(run.results[name]) }, cell(run.results[name])) : ""), by: (/** @type {any} */ run) => run.results[name] }]);
   return { ...COLUMNS, ...Object.fromEntries(changed), ...Object.fromEntries(results) };
 }
 
@@ -97,7 +105,8 @@ class RunList {
   }
 
   async read() {
-    let { runs, more } = await json(`runs?limit=${MOST}`);
+    let { runs, more, units } = await json(`runs?limit=${MOST}`);
+    UNITS = units;
     const paths = varied(single(runs));
     if (paths.length) ({ runs, more } = await json(`runs?limit=${MOST}&values=${encodeURIComponent(paths.join(","))}`));
     if (this.ended) return;
@@ -180,7 +189,7 @@ class RunList {
       return;
     }
     const result = results.includes(this.result) ? this.result : results[0];
-    const options = results.map((name) => /** @type {[string, string]} */ ([name, name]));
+    const options = results.map((name) => /** @type {[string, string]} */ ([name, withUnit(name)]));
     replace(this.chart, h("div", { class: "tools" }, labelled("Result", choice("result", options, result, (chosen) => this.take({ result: chosen })))), parallel(runs, axes, result));
   }
 }
