@@ -48,7 +48,7 @@ pub use html::{Column, Page};
 pub use kinds::PRESENTERS;
 pub use kinds::audit::{audit_figure, checks_in_words};
 pub use measured::{figures_of_files, figures_of_measurements};
-pub use opening::{Opening, opening_picture};
+pub use opening::{Opening, OpeningPicture, figures_beside, opening_picture};
 pub use page::best::best_design;
 pub use page::sweep::{SweepEnd, VoltageSweep};
 pub use page::{Layout, STAGE_HEIGHT, layout};

@@ -71,6 +71,7 @@ fn route(state: &Arc<ServerState>, request: &Request) -> Result<Response, ApiErr
             ["runs", id, "opening"] => browse::opening(state, request, id),
             ["artifacts"] => browse::artifacts(state, request),
             ["artifacts", digest] => browse::artifact(state, request, digest),
+            ["artifacts", digest, "opening"] => browse::artifact_opening(state, request, digest),
             ["artifacts", digest, "rows"] => browse::rows(state, request, digest),
             ["events"] => browse::events(state, request),
             ["artifacts", digest, "neighbours"] => browse::neighbours(state, request, digest),
@@ -105,7 +106,7 @@ fn is_known(path: &[&str]) -> bool {
             | [
                 "artifacts",
                 _,
-                "rows" | "arrays" | "shapes" | "neighbours" | "again" | "judged" | "prediction" | "page"
+                "opening" | "rows" | "arrays" | "shapes" | "neighbours" | "again" | "judged" | "prediction" | "page"
             ]
     )
 }

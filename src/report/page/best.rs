@@ -61,19 +61,23 @@ impl<'d> Best<'d> {
     }
 
     /// Draws the electrode of a design and the deformed membrane side by side, or the electrodes of both ends of a
-    /// front; and describes them.
-    pub fn picture(&self) -> (Sheet, String) {
+    /// front; describes them, and says below them what they are.
+    pub fn picture(&self) -> (Sheet, String, String) {
         match self {
             Self::Design(design) => {
                 let scale = exaggeration(&design.membranes());
-                let moved = deformed(design, design.states.first(), scale);
+                let state = design.states.first();
+                let moved = deformed(design, state, scale);
                 let description = format!("Electrode of {} and the deformed membrane", design.name);
-                (beside(design, &[pattern(design), moved]), description)
+                let when = state.map_or("with voltage", |state| &state.name);
+                let caption = format!("Electrode; {when}, {}", times(scale));
+                (beside(design, &[pattern(design), moved]), description, caption)
             }
             Self::Front(points) => {
                 let [first, last] = ends(points);
                 let description = format!("Electrodes of {} and {}, the ends of a front", first.name, last.name);
-                (beside(first, &[pattern(first), pattern(last)]), description)
+                let caption = "Electrodes at both ends of the front".to_owned();
+                (beside(first, &[pattern(first), pattern(last)]), description, caption)
             }
         }
     }
@@ -131,14 +135,19 @@ pub fn best(designs: &[Design], sweep: Option<&VoltageSweep>) -> Option<Markup> 
     })
 }
 
+/// Says how large displacements are drawn.
+fn times(scale: f64) -> String {
+    match scale {
+        1.0 => "true to scale".to_owned(),
+        scale => format!("displacements drawn {scale} times as large"),
+    }
+}
+
 /// Draws the electrode of a design, and the deformed membrane.
 fn pair(design: &Design, sweep: Option<&VoltageSweep>) -> Markup {
     let membranes: Vec<DeformedMembrane> = design.membranes();
     let scale = exaggeration(&membranes);
-    let times = match scale {
-        1.0 => "true to scale".to_owned(),
-        scale => format!("displacements drawn {scale} times as large"),
-    };
+    let times = times(scale);
     html! {
         div.pair {
             figure { (pattern(design)) figcaption { "Electrode" } }

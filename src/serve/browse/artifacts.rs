@@ -1,17 +1,19 @@
 //! Artifacts: the list, and the details of one.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::{Value, json};
 
+use super::runs::opening_document;
 use crate::artifact_data::scene_of;
 use crate::http::{ApiError, Request, Response};
 use crate::state::ServerState;
-use deaflow_base::ArtifactId;
+use deaflow_base::{ArtifactId, readable_time};
 use deaflow_content::{ArtifactKind, Designs, LongTexts, Verification};
-use deaflow_report::Objective;
-use deaflow_store::{Ancestor, Artifact, Content, Store};
+use deaflow_report::{Objective, RemovedArtifacts, RunArtifacts, StageArtifact};
+use deaflow_store::{Ancestor, Artifact, Content, RemovedArtifact, Store};
 
 /// Artifacts in one response.
 const MAX_ARTIFACTS: usize = 5000;
@@ -22,7 +24,8 @@ const MAX_RUNS: usize = 200;
 /// The shortest abbreviation of a digest.
 const MIN_DIGITS: usize = 4;
 
-/// Lists the artifacts of the last runs, each once, the latest first; parameters `limit`, `offset` and `kind`.
+/// Lists the artifacts of the last runs, each once, the latest first; parameters `limit`, `offset` and `kind`. Those
+/// that `gc` removed have the time as `removed`.
 ///
 /// # Errors
 /// If the store cannot be read.
@@ -35,6 +38,7 @@ pub fn artifacts(state: &ServerState, request: &Request) -> Result<Response, Api
     let Some(store) = state.store()? else {
         return Ok(json!({ "artifacts": [], "total": 0 }).into());
     };
+    let removed = RemovedArtifacts::of(&store);
     let mut seen: BTreeSet<ArtifactId> = BTreeSet::new();
     let mut found: Vec<Value> = Vec::new();
     for run in store.runs()?.take(MAX_RUNS) {
@@ -54,6 +58,7 @@ pub fn artifacts(state: &ServerState, request: &Request) -> Result<Response, Api
                     "run": run.id,
                     "created": run.created,
                     "overrides": run.overrides,
+                    "removed": removed.at(&stage.artifact),
                 }));
             }
         }
@@ -76,12 +81,7 @@ pub fn find_artifact(state: &ServerState, digits: &str) -> Result<(Arc<Store>, A
     let store = state.existing_store()?;
     let digest = match store.find(&digits.to_ascii_lowercase())?.as_slice() {
         [one] => *one,
-        [] => {
-            return Err(
-                ApiError::not_found(format!("no artifact has a digest that begins with {digits}"))
-                    .help("GET /api/artifacts lists the artifacts of the last runs"),
-            );
-        }
+        [] => return Err(not_found(&store, &digits.to_ascii_lowercase())),
         several => {
             let message = format!("{} artifacts have a digest that begins with {digits}", several.len());
             return Err(ApiError::not_found(message).help("give more digits"));
@@ -89,6 +89,42 @@ pub fn find_artifact(state: &ServerState, digits: &str) -> Result<(Arc<Store>, A
     };
     let artifact = state.opened.get_or_insert(&digest, || store.artifact(&digest))?;
     Ok((store, artifact.as_ref().clone()))
+}
+
+/// The error about an artifact that is not there; it tells when `gc` has removed it, as the commands do.
+fn not_found(store: &Store, digits: &str) -> ApiError {
+    let mut removed = store.removed().into_iter();
+    match removed.rfind(|removed| removed.digest.to_string().starts_with(digits)) {
+        Some(RemovedArtifact { digest, kind, at, .. }) => {
+            let kind = if kind.is_empty() { kind } else { format!(" ({kind})") };
+            let (digest, at) = (digest.short(), readable_time(&at));
+            ApiError::not_found(format!("artifact {digest}{kind} was removed by gc at {at}"))
+                .help("build it again with `deaflow run`; `deaflow pin` protects artifacts from gc")
+        }
+        None => ApiError::not_found(format!("no artifact has a digest that begins with {digits}"))
+            .help("GET /api/artifacts lists the artifacts of the last runs"),
+    }
+}
+
+/// Returns what a report of the artifact alone begins with: `sentence`, `facts`, `picture` and `caption`, as for a run.
+///
+/// # Errors
+/// If it does not exist, or is damaged.
+pub fn artifact_opening(state: &ServerState, request: &Request, digest: &str) -> Result<Response, ApiError> {
+    request.allow(&[])?;
+    let (store, artifact) = find_artifact(state, digest)?;
+    let stages = [StageArtifact {
+        stage: artifact.digest().short(),
+        kind: artifact.kind().to_owned(),
+        digest: artifact.digest(),
+    }];
+    let alone = RunArtifacts {
+        store: &store,
+        file: Path::new(""),
+        stages: &stages,
+        rounds: &[],
+    };
+    Ok(opening_document(&alone)?.into())
 }
 
 /// Returns the name of the stage that built an artifact, according to the last runs.

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::artifacts::find_artifact;
 use crate::http::{ApiError, Request, Response};
 use crate::state::ServerState;
-use deaflow_report::{PRESENTERS, Page, RunArtifacts, StageArtifact};
+use deaflow_report::{PRESENTERS, Page, RunArtifacts, StageArtifact, figures_beside};
 
 /// Returns the page of an artifact.
 ///
@@ -32,6 +32,9 @@ pub fn figures(state: &ServerState, request: &Request, digest: &str) -> Result<R
             results.text.iter().for_each(|text| page.add_text(text));
         }
         presenter.section(&mut page, &run)?;
+    }
+    for (caption, drawing) in figures_beside(&run)? {
+        page.figure(&caption, &drawing);
     }
     if page.is_empty() {
         page.lead(&format!("Artifacts of kind {kind} have no figures."));

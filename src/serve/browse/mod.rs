@@ -16,7 +16,7 @@ mod shapes;
 mod units;
 
 pub use arrays::arrays;
-pub use artifacts::{artifact, artifacts};
+pub use artifacts::{artifact, artifact_opening, artifacts};
 pub use events::events;
 pub use figures::figures;
 pub use neighbours::neighbours;

@@ -181,7 +181,7 @@ fn stage_artifacts(store: &Store, run: &Run) -> Vec<StageArtifact> {
 }
 
 /// Returns what the report of a run begins with: `sentence`, `facts` of the best design, and `picture`, an SVG document
-/// or null.
+/// or null, with its `caption`.
 ///
 /// # Errors
 /// If there is no such run, or its artifacts cannot be read.
@@ -200,9 +200,19 @@ pub fn opening(state: &ServerState, request: &Request, id: &str) -> Result<Respo
         stages: &stage_artifacts(&store, &run),
         rounds: &rounds,
     };
-    let Opening { sentence, facts } = Opening::of(&artifacts)?;
-    let picture = opening_picture(&artifacts)?;
-    Ok(json!({ "sentence": sentence, "facts": facts, "picture": picture }).into())
+    Ok(opening_document(&artifacts)?.into())
+}
+
+/// Returns what a report of some artifacts begins with.
+pub(super) fn opening_document(artifacts: &RunArtifacts<'_>) -> Result<Value, ApiError> {
+    let Opening { sentence, facts } = Opening::of(artifacts)?;
+    let picture = opening_picture(artifacts)?;
+    Ok(json!({
+        "sentence": sentence,
+        "facts": facts,
+        "picture": picture.as_ref().map(|picture| &picture.svg),
+        "caption": picture.as_ref().map(|picture| &picture.caption),
+    }))
 }
 
 /// Returns the main results of a run; nothing if its artifacts cannot be read.

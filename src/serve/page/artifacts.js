@@ -5,7 +5,7 @@ import { attempt, changes, choice, h, labelled, pageOf, replace, short, table, t
 import { rowsView } from "./rows.js";
 import { findings } from "./audit.js";
 import { evaluation, model } from "./models.js";
-import { designs } from "./designs.js";
+import { designCards, designs } from "./designs.js";
 import { accuracy } from "./accuracy.js";
 
 /** Longer attributes are shown on demand. */
@@ -20,9 +20,10 @@ export async function artifactsView(view, query, only, title) {
   let chosen = query.get("kind") ?? "";
   const box = h("div", {});
   const fill = () => {
-    const row = (/** @type {any} */ one) => [short(one.digest), one.kind, one.stage, one.pipeline, changes(one.overrides), when(one.created), h("a", { class: "mono", href: `#/runs/${one.run}` }, one.run)];
+    const row = (/** @type {any} */ one) => [named(one), one.kind, one.stage, one.pipeline, changes(one.overrides), when(one.created), h("a", { class: "mono", href: `#/runs/${one.run}` }, one.run)];
     const some = artifacts.filter((/** @type {any} */ one) => !chosen || one.kind === chosen);
-    replace(box, some.length ? table(title, ["artifact", "kind", "stage", "pipeline", "changed", "run ended", "run"], some.map(row)) : h("p", {}, "The last runs built none. ", how(only)));
+    if (some.length && only.includes("design")) replace(box, designCards(some, named));
+    else replace(box, some.length ? table(title, ["artifact", "kind", "stage", "pipeline", "changed", "run ended", "run"], some.map(row)) : h("p", {}, "The last runs built none. ", how(only)));
   };
   const kindsShown = [["", "all kinds"], ...kinds.map((one) => [one, one])];
   replace(
@@ -38,7 +39,13 @@ export async function artifactsView(view, query, only, title) {
   );
   fill();
   // A single artifact is opened at once.
-  if (only.length && artifacts.length === 1 && view.isConnected) location.replace(`#/artifacts/${artifacts[0].digest}`);
+  if (only.length && artifacts.length === 1 && !artifacts[0].removed && view.isConnected) location.replace(`#/artifacts/${artifacts[0].digest}`);
+}
+
+/** An artifact of the list: a link, unless it is gone. @param {any} one */
+function named(one) {
+  if (!one.removed) return short(one.digest);
+  return h("span", {}, h("span", { class: "mono soft", title: one.digest }, one.digest.slice(0, 12)), h("div", { class: "soft small" }, `removed by gc at ${when(one.removed)} UTC`));
 }
 
 /** How to build an artifact of some kinds. @param {string[]} only */

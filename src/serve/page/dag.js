@@ -9,13 +9,36 @@ const BETWEEN = 44;
 /** The scale at which the drawing starts to scroll. */
 const SMALLEST = 0.72;
 
-/** Letters that fit. */
-const NAME = 20;
-const LINE = 27;
+/** Space of a text within a stage, and the fonts of its lines, as in `page.css`. */
+const LINE = WIDTH - 13 - 6;
+const [BOLD, PLAIN] = ["650 13px", "400 11px"];
 
-/** @param {string} text @param {number} most */
-function cut(text, most) {
-  return text.length > most ? `${text.slice(0, most - 1)}…` : text;
+const ruler = /** @type {CanvasRenderingContext2D} */ (document.createElement("canvas").getContext("2d"));
+
+/** @param {string} text @param {string} font */
+function widthOf(text, font) {
+  ruler.font = `${font} ${getComputedStyle(document.body).fontFamily}`;
+  return ruler.measureText(text).width;
+}
+
+/** Cuts a text to a width: its end, or its beginning. @param {string} text @param {string} font @param {number} [most] @param {boolean} [keepsEnd] */
+function cut(text, font, most = LINE, keepsEnd = false) {
+  const letters = [...text];
+  const shown = (/** @type {number} */ count) => (count === letters.length ? text : keepsEnd ? `…${letters.slice(letters.length - count).join("")}` : `${letters.slice(0, count).join("")}…`);
+  let count = letters.length;
+  while (count > 0 && widthOf(shown(count), font) > most) count -= 1;
+  return shown(count);
+}
+
+/**
+ * The name of a stage. The values of a sweep are smaller and keep their end, which has the unit, and in which stages differ.
+ * @param {string} name
+ */
+function title(name) {
+  const at = name.indexOf("@");
+  if (at < 0 || widthOf(name, BOLD) <= LINE) return cut(name, BOLD);
+  const stage = cut(name.slice(0, at), BOLD, LINE / 2);
+  return [stage, svg("tspan", { class: "axes" }, cut(name.slice(at), PLAIN, LINE - widthOf(stage, BOLD), true))];
 }
 
 /** @param {any} stage @param {Record<string, any>} working @returns {[string, string]} the class and the text of its state */
@@ -71,9 +94,9 @@ export function drawing(stages, layout, working, last) {
       svg("title", {}, [stage.name, stage.kind, words, ...stage.reasons, last(stage).full].filter(Boolean).join("\n")),
       svg("rect", { width: WIDTH, height: high, rx: 6 }),
       svg("rect", { class: "stripe", width: 5, height: high, rx: 2 }),
-      svg("text", { class: "name", x: 13, y: 21 }, cut(stage.name, NAME)),
-      svg("text", { x: 13, y: 39 }, cut(`${stage.kind}: ${words}`, LINE)),
-      svg("text", { x: 13, y: 56, class: "last" }, cut(last(stage).text, LINE)),
+      svg("text", { class: "name", x: 13, y: 21 }, title(stage.name)),
+      svg("text", { x: 13, y: 39 }, cut(`${stage.kind}: ${words}`, PLAIN)),
+      svg("text", { x: 13, y: 56, class: "last" }, cut(last(stage).text, PLAIN)),
       part === null ? null : svg("rect", { class: "done", x: 5, y: high - 4, width: (WIDTH - 5) * part, height: 4 }),
     );
   };

@@ -1,8 +1,8 @@
 // Designs: each target with its patterns compared with the best of the gradient search, and masks to download.
 
-import { columnsOf } from "./server.js";
-import { attempt, h, measured, number, replace } from "./elements.js";
-import { areaWords, card, patternsAt, rowLink } from "./pictures.js";
+import { columnsOf, json } from "./server.js";
+import { attempt, changes, h, measured, number, replace, when } from "./elements.js";
+import { areaWords, card, image, patternsAt, rowLink } from "./pictures.js";
 import { saveAs } from "./files.js";
 
 const FORMATS = ["svg", "dxf", "gbr", "png", "csv"];
@@ -21,6 +21,41 @@ const SHARE = "1";
 
 /** Below a micrometre, the ratio of displacements means nothing. */
 const LEAST_MM = 1e-3;
+
+/**
+ * A card for each artifact with designs: its best one as drawn, with its result and area. They are drawn when they come into sight.
+ * @param {any[]} artifacts of the list @param {(one: any) => any} named the link to one, or its digest if it is gone
+ */
+export function designCards(artifacts, named) {
+  const watch = new IntersectionObserver((seen) => {
+    for (const { isIntersecting, target } of seen) {
+      if (!isIntersecting) continue;
+      watch.unobserve(target);
+      const { one, picture, result } = /** @type {any} */ (cards.get(target));
+      void attempt(result, () => showBest(one, picture, result));
+    }
+  });
+  /** @type {Map<Element, any>} */ const cards = new Map();
+  const card = (/** @type {any} */ one) => {
+    const [picture, result] = [h("div", { class: "picture" }), h("div", {})];
+    const title = one.removed ? one.stage : h("a", { href: `#/artifacts/${one.digest}` }, one.stage);
+    const made = h("article", { class: "card pipeline design", "data-design": one.digest }, picture, h("div", { class: "text" }, h("h2", {}, title), result, h("p", { class: "soft small" }, `${one.kind} of ${one.pipeline}, ${when(one.created)} UTC`), Object.keys(one.overrides).length ? h("div", { class: "soft small" }, changes(one.overrides)) : null, h("p", { class: "soft small" }, named(one))));
+    cards.set(made, { one, picture, result });
+    if (!one.removed) watch.observe(made);
+    return made;
+  };
+  return h("div", { class: "cards pipelines" }, artifacts.map(card));
+}
+
+/** How the fact about the area of a design begins. */
+const AREA = "electrode on ";
+
+/** @param {any} one @param {HTMLElement} picture @param {HTMLElement} result */
+async function showBest(one, picture, result) {
+  const { sentence, facts, picture: drawing, caption } = await json(`artifacts/${one.digest}/opening`);
+  replace(result, h("p", { class: "headline" }, sentence), facts.filter((/** @type {string} */ fact, /** @type {number} */ at) => at === 0 || fact.startsWith(AREA)).map((/** @type {string} */ fact) => h("p", { class: "small" }, fact)));
+  replace(picture, drawing ? [image(drawing, `Best design of ${one.stage}`), h("p", { class: "caption" }, caption)] : null);
+}
 
 /** @param {HTMLElement} place @param {any} found */
 export async function designs(place, found) {

@@ -71,7 +71,7 @@ class Card {
       if (isOver()) return;
       this.shown = id;
       replace(this.result, opening.sentence ? h("p", { class: "headline" }, opening.sentence) : null, opening.facts[0] ? h("p", { class: "small" }, opening.facts[0]) : null);
-      replace(this.picture, opening.picture ? image(opening.picture, `Result of ${this.listed.name}`) : null);
+      replace(this.picture, opening.picture ? [image(opening.picture, `Result of ${this.listed.name}`), h("p", { class: "caption" }, opening.caption)] : null);
     } catch (error) {
       if (!isOver()) replace(this.result, problem(error));
     }

@@ -12,6 +12,9 @@ import { saveRows } from "./files.js";
 
 const PAGE = 24;
 
+/** Longer texts are clipped in the table; the row itself has all of them. */
+const LONG = 60;
+
 /** Marked rows by the digests of their artifacts; they are kept when the view changes. @type {Map<string, Set<number>>} */
 const MARKED = new Map();
 
@@ -145,7 +148,7 @@ export async function rowsView(place, found, query) {
         else marked.delete(id);
         counted.textContent = `${marked.size} marked`;
       } });
-      return h("tr", { "aria-selected": String(id === chosen) }, h("td", {}, mark), h("td", {}, h("button", { type: "button", onclick: () => choose(id) }, String(id))), values.map((value, k) => h("td", { class: answer.columns[k].is_text ? "cut" : "number", title: isDigest(value) || typeof value === "number" ? String(value) : null }, typeof value === "number" ? cell(value) : isDigest(value) ? `${value.slice(0, 12)}…` : value ?? "–")));
+      return h("tr", { "aria-selected": String(id === chosen) }, h("td", {}, mark), h("td", {}, h("button", { type: "button", onclick: () => choose(id) }, String(id))), values.map((value, k) => h("td", { class: answer.columns[k].is_text ? "cut" : "number", title: isDigest(value) || typeof value === "number" ? String(value) : null }, typeof value === "number" ? cell(value) : isDigest(value) ? `${value.slice(0, 12)}…` : typeof value === "string" && value.length > LONG ? h("div", { class: "clipped", title: value }, value) : value ?? "–")));
     };
     replace(tableBox, h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Rows" }, h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, ""), h("th", { scope: "col" }, "row"), answer.columns.map(head))), h("tbody", {}, answer.rows.map(row)))));
     const last = Math.min(state.offset + answer.rows.length, answer.matched);

@@ -46,11 +46,11 @@ export async function runView(view, id) {
     h("div", { class: "folded", id: "run-stages" }, byStage(run).map((one) => stageDetails(run, one))),
   );
   void attempt(best, async () => {
-    const { sentence, facts, picture } = await json(`runs/${encodeURIComponent(id)}/opening`);
+    const { sentence, facts, picture, caption } = await json(`runs/${encodeURIComponent(id)}/opening`);
     const lines = facts.length ? facts : run.headlines.slice(sentence ? 1 : 0);
     replace(
       best,
-      picture ? image(picture, `Result of run ${run.id}`) : null,
+      picture ? h("figure", {}, image(picture, `Result of run ${run.id}`), h("figcaption", { class: "soft small" }, caption)) : null,
       h("div", {}, sentence ? h("p", { class: "headline" }, sentence) : h("p", { class: "soft" }, "no results"), lines.length ? h("ul", { id: "headlines" }, lines.map((/** @type {string} */ line) => h("li", {}, prose(line)))) : null),
     );
   });
@@ -95,7 +95,7 @@ function stageDetails(run, { stage, results, parameters }) {
     "details",
     { "data-stage": stage.name, ontoggle: open },
     h("summary", {}, h("b", {}, stage.name), " ", h("span", { class: stage.outcome === "failed" ? "error" : "soft" }, stage.outcome), main.length ? h("span", { class: "soft" }, `: ${main.join(", ")}`) : null),
-    stage.digest ? h("p", {}, "Artifact ", short(stage.digest), stage.removed ? ` (removed ${when(stage.removed)})` : null) : null,
+    stage.digest ? h("p", {}, "Artifact ", stage.removed ? [h("span", { class: "mono soft" }, stage.digest.slice(0, 12)), ` (removed by gc at ${when(stage.removed)} UTC)`] : short(stage.digest)) : null,
     sorted.length ? table(`Results of ${stage.name}`, ["result", { title: "value", number: true }, "unit"], sorted.map(([name, value]) => [short_name(name, `${stage.name}.`), h("span", { title: String(value) }, cell(value)), unit(name)])) : null,
     figures,
     rows.length ? h("details", {}, h("summary", {}, "Parameters"), table(`Parameters of ${stage.name}`, ["parameter", "value"], rows)) : null,

@@ -84,7 +84,95 @@ fn cards_state_each_pipeline_and_a_run_begins_with_its_best_design() {
     let results = tab.text("[aria-label='Results of checked']");
     assert!(results.contains("displacement") && results.contains("mm"), "{results}");
     photographed(&mut tab, "run");
+    // Designs are listed with pictures, and their figures draw them.
+    tab.go(&format!("{}#/designs", server.url));
+    tab.until("[...document.querySelectorAll('.design img')].filter((one) => one.naturalWidth > 100).length === 2");
+    let card = tab.text(".design");
+    let area = facts
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|fact| fact.as_str().unwrap().starts_with("electrode on"));
+    for told in [
+        "checked",
+        sentence,
+        area.unwrap().as_str().unwrap(),
+        "displacements drawn ",
+        "verify of done",
+    ] {
+        assert!(card.contains(told), "{told} in {card}");
+    }
+    photographed(&mut tab, "designs");
+    let checked = server.get(&format!("/api/runs/{run}")).json()["stages"][3]["digest"].clone();
+    let page = server.get(&format!("/api/artifacts/{}/page", checked.as_str().unwrap()));
+    assert!(
+        page.text().contains("<svg") && page.text().contains("verification of verify"),
+        "{}",
+        page.text()
+    );
     assert_eq!(tab.complaints, Vec::<String>::new());
+}
+
+#[test]
+fn after_a_failed_run_the_results_that_hold_are_shown_and_removed_artifacts_are_marked() {
+    let workspace = Workspace::new();
+    workspace.write("scene.yaml", &scene_file());
+    let pipeline = |range: &str| {
+        let stages = STAGES.split("  best:").next().unwrap();
+        format!(
+            "version: 1\nname: again\nscene: scene.yaml\nstages:{stages}  some: {{ kind: balance, needs: [solved], bins: 5, \
+             range: {range}, target: 4, seed: 4 }}\n"
+        )
+    };
+    workspace.write("again.yaml", &pipeline("[0 mm, 2.5 mm]"));
+    let first = workspace.stages(&["run", "again.yaml"]).digests();
+    workspace.write("again.yaml", &pipeline("[60 mm, 70 mm]"));
+    assert_eq!(workspace.run(&["run", "again.yaml"]).code, Some(1));
+    workspace.write("again.yaml", &pipeline("[0 mm, 2.5 mm]"));
+    let server = Server::start(&workspace, &["serve", "again.yaml"]);
+    let runs = server.get("/api/runs").json();
+    let summary = server.get("/api/pipelines/0/summary").json();
+    assert_eq!(
+        (&summary["stale"], &summary["run"]["failed"], &summary["shown"]),
+        (&json!([]), &json!(["some"]), &runs["runs"][1]["id"])
+    );
+    assert_eq!(runs["units"]["solved.max_displacement"], "mm", "{runs}");
+    let results = &server.get("/api/pipelines/0").json()["last"]["results"];
+    assert_eq!(results, &runs["runs"][1]["results"]);
+    let Some(mut tab) = Tab::open() else { return };
+    tab.screen(1440, 900, "light");
+    tab.go(&server.url);
+    tab.until("document.querySelector('.state').dataset.state === 'failed'");
+    assert_eq!(tab.text(".state"), "last run failed: some; results are up to date");
+    tab.go(&format!("{}#/runs", server.url));
+    tab.until("document.querySelector('[aria-label=Runs]')?.textContent.includes('solved.max_displacement')");
+    let listed = tab.text("[aria-label=Runs]");
+    assert!(
+        listed.split("solved.max_displacement ").nth(1).unwrap()[..12].contains(" mm"),
+        "{listed}"
+    );
+    // What `gc` removed is not a link, and its page says when it was removed.
+    assert_eq!(workspace.run(&["gc", "--keep-runs", "0", "--grace", "0"]).code, Some(0));
+    let digest = &first["solved"];
+    let listed = server.get("/api/artifacts").json();
+    let one = listed["artifacts"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|one| one["digest"] == digest.as_str());
+    assert!(one.unwrap()["removed"].is_string(), "{listed}");
+    let gone = server.get(&format!("/api/artifacts/{digest}"));
+    let told = gone.json()["error"]["message"].as_str().unwrap().to_owned();
+    let begins = format!("artifact {} (solve) was removed by gc at 20", &digest[..12]);
+    assert!(gone.status == 404 && told.starts_with(&begins), "{told}");
+    tab.go(&format!("{}#/artifacts", server.url));
+    tab.until("document.querySelector('[aria-label=Artifacts]')?.textContent.includes('removed by gc at 20')");
+    assert_eq!(
+        tab.value("document.querySelectorAll('[aria-label=Artifacts] a[href*=artifacts]').length"),
+        0
+    );
+    tab.go(&format!("{}#/artifacts/{digest}", server.url));
+    tab.until("document.querySelector('[role=alert]')?.textContent.includes('was removed by gc at 20')");
 }
 
 #[test]
