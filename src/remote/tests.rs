@@ -318,6 +318,9 @@ fn pushed_artifacts_are_pulled_and_verified() {
     );
     let pulled = pull_all(&store, &remote, &|_, _| ()).unwrap();
     assert_eq!((pulled.artifacts, pulled.artifacts_here), (0, 5));
+    // Of one artifact its chunks count, too.
+    let pulled = pull_some(&store, &remote, &[manifest.artifact], &|_, _| ()).unwrap();
+    assert_eq!((pulled.artifacts, pulled.artifacts_here), (0, 4));
 }
 
 #[test]
