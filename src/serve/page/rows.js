@@ -13,7 +13,7 @@ import { saveRows } from "./files.js";
 const PAGE = 24;
 
 /** Longer texts are clipped in the table; the row itself has all of them. */
-const LONG = 60;
+const LONG = 24;
 
 /** Marked rows by the digests of their artifacts; they are kept when the view changes. @type {Map<string, Set<number>>} */
 const MARKED = new Map();

@@ -402,6 +402,10 @@ fn a_link_holds_the_drawing() {
     let drawn = tab.value("JSON.parse(sessionStorage.getItem('deaflow scene'))");
     let before = tab.value(numbers);
     tab.value("navigator.clipboard.writeText = async (text) => { window.copied = text }");
+    assert!(
+        tab.text("[aria-label=Draw]")
+            .contains("It opens on this machine, while this server runs.")
+    );
     tab.click("#copy-link");
     let link = tab.value("window.copied").as_str().unwrap().to_owned();
     assert!(link.len() <= 2048, "{} bytes", link.len());

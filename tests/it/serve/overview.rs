@@ -104,6 +104,17 @@ fn cards_state_each_pipeline_and_a_run_begins_with_its_best_design() {
     }
     photographed(&mut tab, "designs");
     let checked = server.get(&format!("/api/runs/{run}")).json()["stages"][3]["digest"].clone();
+    // Long texts do not make rows high.
+    tab.go(&format!(
+        "{}#/artifacts/{}?tab=rows",
+        server.url,
+        checked.as_str().unwrap()
+    ));
+    tab.until("document.querySelector('[aria-label=Rows] .clipped')");
+    let highest = tab.value(
+        "Math.max(...[...document.querySelectorAll('[aria-label=Rows] tbody tr')].map((row) => row.clientHeight))",
+    );
+    assert!(highest.as_f64().unwrap() < 60.0, "{highest}");
     let page = server.get(&format!("/api/artifacts/{}/page", checked.as_str().unwrap()));
     assert!(
         page.text().contains("<svg") && page.text().contains("verification of verify"),

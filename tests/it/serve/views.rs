@@ -381,14 +381,30 @@ fn the_drawing_of_stages_keeps_lines_clear_of_boxes_and_shows_what_goes_on() {
         "views.yaml",
         &format!("version: 1\nname: views\nscene: scene.yaml\nstages:\n{STAGES}"),
     );
+    // The values of a sweep end with what differs between its stages.
+    let swept = "  drawn: { kind: sample, foreach: { longparameter: [125, 1050] }, family: small-grid, count: \"${longparameter}\", seed: 1 }\n";
+    workspace.write(
+        "swept.yaml",
+        &format!("version: 1\nname: swept\nscene: scene.yaml\nstages:\n{swept}"),
+    );
     let child = long_run(&workspace, &[]);
-    let server = Server::start(&workspace, &["serve", "views.yaml", "long.yaml"]);
+    let server = Server::start(&workspace, &["serve", "views.yaml", "long.yaml", "swept.yaml"]);
     tab.screen(1440, 900, "light");
     tab.go(&server.url);
     tab.click("a[href='#/pipelines/0']");
     tab.until("document.querySelectorAll('svg.dag g').length === 12");
     assert_eq!(tab.value(CROSSED), false);
     photographed(&mut tab, "stages");
+    tab.go(&format!("http://127.0.0.1:{}/#/pipelines/2", server.port));
+    tab.until("document.querySelectorAll('svg.dag g').length === 2");
+    let inside = "[...document.querySelectorAll('svg.dag g')].every((one) => [...one.querySelectorAll('text')].every((text) => text.getBoundingClientRect().right < one.querySelector('rect').getBoundingClientRect().right))";
+    assert_eq!(tab.value(inside), true);
+    let names = tab.value("[...document.querySelectorAll('svg.dag .name')].map((one) => one.textContent)");
+    let ends = |at: usize, end: &str| {
+        let name = names[at].as_str().unwrap();
+        name.starts_with("drawn") && name.ends_with(end)
+    };
+    assert!(ends(0, "parameter=125") && ends(1, "parameter=1050"), "{names}");
     tab.go(&format!("http://127.0.0.1:{}/#/pipelines/1", server.port));
     tab.until("document.querySelector('[data-state=running]')");
     tab.until("document.querySelector('[data-state=running] progress').value > 0");
