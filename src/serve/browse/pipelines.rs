@@ -103,8 +103,8 @@ pub fn summary(state: &ServerState, request: &Request, number: &str) -> Result<R
     .into())
 }
 
-/// Returns the results of the last run of a pipeline with its values, or of its last complete one, `results` with their `units`; its last runs as in
-/// its summary; and the computing time of each stage that is up to date, `seconds`.
+/// Returns the results of the last run of a pipeline with its values, or of its last complete one, `results` with their
+/// `units`; its last runs as in its summary; and the computing time of each stage that is up to date, `seconds`.
 fn last_results(state: &ServerState, pipeline: &Pipeline, plan: &Value) -> Result<Value, ApiError> {
     let Some(store) = state.store()? else {
         return Ok(Value::Null);

@@ -25,7 +25,8 @@ pub struct RisingPoint {
     pub voltage: f64,
     /// Outcome and field.
     pub simulation: Simulation,
-    /// The largest electric field relative to the breakdown field: that of the scene, or of the usual acrylic elastomer.
+    /// The largest electric field relative to the breakdown field: that of the scene, or of the usual acrylic
+    /// elastomer.
     pub breakdown: Option<f64>,
     /// The largest compression relative to [`WRINKLES`].
     compression: Option<f64>,
