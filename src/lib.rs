@@ -25,7 +25,8 @@
 //! accuracy     → scene, sample, pattern, field, fem, surrogate
 //! surrogate    → dataset, scene, pattern, field, fem, linalg
 //! dataset      → pattern, field, array, hdf
-//! fem          → scene, pattern, field, linalg
+//! fem          → element, scene, pattern, field, linalg
+//! element      → scene, pattern, field, linalg
 //! fit          → linalg
 //! sample       → pattern
 //! field        → pattern
@@ -48,9 +49,10 @@ pub const BUILD: &str = env!("DEAFLOW_BUILD");
 pub use deaflow_base::{parameters, variants, words};
 pub use {
     deaflow_accuracy as accuracy, deaflow_array as array, deaflow_base as base, deaflow_cli as cli,
-    deaflow_content as content, deaflow_dataset as dataset, deaflow_design as design, deaflow_executor as executor,
-    deaflow_fem as fem, deaflow_field as field, deaflow_fit as fit, deaflow_hdf as hdf, deaflow_linalg as linalg,
-    deaflow_orchestrator as orchestrator, deaflow_pattern as pattern, deaflow_remote as remote,
-    deaflow_report as report, deaflow_sample as sample, deaflow_scene as scene, deaflow_serve as serve,
-    deaflow_stage as stage, deaflow_store as store, deaflow_surrogate as surrogate, deaflow_tolerance as tolerance,
+    deaflow_content as content, deaflow_dataset as dataset, deaflow_design as design, deaflow_element as element,
+    deaflow_executor as executor, deaflow_fem as fem, deaflow_field as field, deaflow_fit as fit, deaflow_hdf as hdf,
+    deaflow_linalg as linalg, deaflow_orchestrator as orchestrator, deaflow_pattern as pattern,
+    deaflow_remote as remote, deaflow_report as report, deaflow_sample as sample, deaflow_scene as scene,
+    deaflow_serve as serve, deaflow_stage as stage, deaflow_store as store, deaflow_surrogate as surrogate,
+    deaflow_tolerance as tolerance,
 };

@@ -176,6 +176,7 @@ mod tests {
     use crate::continuation::{LoadingEnd, Problem};
     use crate::energy::NeoHookean;
     use crate::grid::Grid;
+    use crate::material::AnyMaterial;
     use deaflow_base::Stream;
     use deaflow_field::{CORNERS, Mesh};
     use deaflow_pattern::{CELLS, Raster};
@@ -193,14 +194,16 @@ mod tests {
             let weights = (0..CORNERS * CORNERS * 2).map(|i| if i % 97 == 5 { stream.normal() } else { 0.0 });
             let weights = Field::from_values(Raster::PAPER, weights.collect()).unwrap();
             let load = grid.spread(&weights, &vec![0.0; grid.layout().vector_len()]);
-            let material = NeoHookean::new(3.0, 0.0255);
+            let material = AnyMaterial::from(NeoHookean::new(3.0, 0.0255));
+            let law = |_: f64| AnyMaterial::from(NeoHookean::new(3.0, 0.0255));
+            let law: &(dyn Fn(f64) -> AnyMaterial + Sync) = &law;
             let mut solve = |shares: &[f64]| {
                 let activity = Activity::from_shares(&grid, |x, y| shares[y * CELLS + x]);
                 let mut u = vec![0.0; grid.layout().vector_len()];
                 let problem = Problem {
                     activity: &activity,
                     laplacian: &laplacian,
-                    material: |_| material,
+                    material: law,
                     tolerance: 1e-12,
                     at_rest: None,
                 };

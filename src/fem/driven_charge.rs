@@ -115,6 +115,7 @@ mod tests {
     use crate::continuation::{LoadingEnd, Problem};
     use crate::energy::NeoHookean;
     use crate::grid::Grid;
+    use crate::material::AnyMaterial;
     use crate::newton::Workspace;
     use crate::precondition::Laplacian;
     use crate::{GradientEvaluator, SolveOptions};
@@ -136,14 +137,16 @@ mod tests {
                 .map(|_| f64::from(u8::from(stream.chance(0.5))))
                 .collect();
             let units = Units::new(&scene, grid.unit_mm());
-            let laws = [0.0, 1.0].map(|share| NeoHookean::new(3.0, share * kappa));
+            let law = |share: f64| AnyMaterial::from(NeoHookean::new(3.0, share * kappa));
+            let law: &(dyn Fn(f64) -> AnyMaterial + Sync) = &law;
+            let laws = [0.0, 1.0].map(law);
             let mut solve = |shares: &[f64]| {
                 let activity = Activity::from_shares(&grid, |x, y| shares[y * CELLS + x]);
                 let mut u = vec![0.0; grid.layout().vector_len()];
                 let problem = Problem {
                     activity: &activity,
                     laplacian: &laplacian,
-                    material: |share| NeoHookean::new(3.0, share * kappa),
+                    material: law,
                     tolerance: 1e-12,
                     at_rest: None,
                 };
@@ -176,7 +179,7 @@ mod tests {
                 charge_unit: 2e9 * units.energy / scene.voltage_v(),
                 workspace: &mut workspace,
             };
-            let gradient = found.run(|share| NeoHookean::new(3.0, share * kappa)).unwrap();
+            let gradient = found.run(law).unwrap();
             for (cell, slope) in differences {
                 assert!(
                     (gradient[cell] - slope).abs() < 1e-6 * slope.abs(),

@@ -223,11 +223,12 @@ mod tests {
     use crate::direct::Factorisation;
     use crate::energy::NeoHookean;
     use crate::grid::Grid;
+    use crate::material::AnyMaterial;
     use crate::operator::Activity;
     use deaflow_field::{Mesh, Order};
 
-    fn at<R>(mesh: Mesh, pull: f64, work: impl FnOnce(&Operator<'_, NeoHookean>, &Laplacian, &[f64]) -> R) -> R {
-        let material = NeoHookean::of(1.0 / 729.0, pull);
+    fn at<R>(mesh: Mesh, pull: f64, work: impl FnOnce(&Operator<'_, AnyMaterial>, &Laplacian, &[f64]) -> R) -> R {
+        let material = AnyMaterial::from(NeoHookean::of(1.0 / 729.0, pull));
         let grid = Grid::paper(mesh);
         let activity = Activity::from_shares(&grid, |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 });
         let operator = Operator::new(&material, &activity);
@@ -262,7 +263,7 @@ mod tests {
             (0.2, 0.8 + 3.0 * thickness),
             (0.9, 0.1 + 3.0 * thickness),
         ] {
-            let material = NeoHookean::of(thickness, pull);
+            let material = AnyMaterial::from(NeoHookean::of(thickness, pull));
             let operator = Operator::new(&material, &activity);
             let value = smallest(&operator, &laplacian, &u, None).unwrap().value;
             assert!((-1e-6..2e-4).contains(&(value - exact)), "{pull}: {value} {exact}");

@@ -1,72 +1,19 @@
 //! Displacements at points of the membrane, and how they change with the scene: what measurements are compared with.
 
-use deaflow_pattern::{Part, Pattern};
+use deaflow_pattern::Pattern;
 
 use super::effects::WithMaterial;
-use super::fitted::basis_of_square;
-use super::grid::Grid;
 use super::material::Material;
 use super::newton;
 use super::operator::{Activity, Operator};
+use super::sampling::Weights;
 use super::solver::{MembraneSolver, MeshSolution};
 
 /// Relative residual of the derivative of a solution.
 const EXACT: f64 = 1e-9;
 
-/// The weights of nodes at a point: indices for the first component, and the values of their basis functions.
-pub type Weights = Vec<(usize, f64)>;
-
-impl Grid {
-    /// Returns the weights of the nodes at a point of the prestretched membrane in mm from its lower left corner;
-    /// `None` outside of it and in the frame.
-    #[must_use]
-    pub fn weights_at(&self, point_mm: [f64; 2]) -> Option<Weights> {
-        let elements = self.elements();
-        let sides = [0, 1].map(|axis| self.side_mm(axis));
-        let point = [0, 1].map(|axis| point_mm[axis] / sides[axis]);
-        let inside = |axis: usize| (0.0..=elements[axis] as f64).contains(&point[axis]);
-        if !inside(0) || !inside(1) {
-            return None;
-        }
-        let element = [0, 1].map(|axis| self.element_at(axis, point[axis]));
-        let regular = |fitted: &super::fitted::Fitted| fitted.regular(self.layout(), element).is_some();
-        if let Some(fitted) = self.follows_borders().filter(|fitted| !regular(fitted)) {
-            let (weights, part) = fitted.covering(self.layout(), point)?;
-            return (part != Part::Frame).then_some(weights);
-        }
-        if self.content(element).part == Part::Frame {
-            return None;
-        }
-        let layout = self.layout();
-        let within =
-            [0, 1].map(|axis| (point[axis] - self.start(axis, element[axis])) / self.size(axis, element[axis]));
-        let (values, _) = basis_of_square(layout.degree(), within);
-        let count = (layout.degree() + 1).pow(2);
-        let weight = |node: usize| (layout.node_of(element, node), values[node]);
-        Some((0..count).map(weight).collect())
-    }
-
-    /// Returns the mean side of elements in mm.
-    fn side_mm(&self, axis: usize) -> f64 {
-        let [columns, rows] = self.elements();
-        let far = self.node_position([columns, rows].map(|count| count * self.layout().degree()));
-        self.unit_mm() * far[axis] / [columns, rows][axis] as f64
-    }
-
-    /// Returns the element at a place along an axis in units of the mean element, from 0 to their number.
-    fn element_at(&self, axis: usize, at: f64) -> usize {
-        let (count, all) = (self.per_cell()[axis], self.elements()[axis]);
-        let first = at as usize / count * count;
-        let ends_after = |element: &usize| at < self.start(axis, *element) + self.size(axis, *element);
-        (first..all.min(first + count))
-            .find(ends_after)
-            .unwrap_or(first + count - 1)
-            .min(all - 1)
-    }
-}
-
 impl MembraneSolver {
-    /// Returns the displacement in mm at weights of [`Grid::weights_at`] for nodal values of this solver.
+    /// Returns the displacement in mm at weights of [`Grid::weights_at`](crate::grid::Grid::weights_at) for nodal values of this solver.
     #[must_use]
     pub fn displacement_at(&self, weights: &Weights, nodal: &[f64]) -> [f64; 2] {
         let plane = nodal.len() / 2;
@@ -155,7 +102,7 @@ mod tests {
     use deaflow_pattern::{Pattern, Raster};
     use deaflow_scene::Scene;
 
-    use super::Grid;
+    use crate::grid::Grid;
     use crate::{MembraneSolver, SolveOptions};
 
     const DISC: &str =

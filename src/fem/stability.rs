@@ -114,6 +114,7 @@ mod tests {
     use crate::direct::Factorisation;
     use crate::energy::NeoHookean;
     use crate::grid::Grid;
+    use crate::material::AnyMaterial;
     use crate::operator::Activity;
     use deaflow_field::{Mesh, Order};
 
@@ -128,7 +129,7 @@ mod tests {
         let activity = Activity::from_shares(&grid, |x, y| if (x / 10 + y / 10) % 2 == 0 { 1.0 } else { 0.2 });
         let mut seen = [false, false];
         for step in 0..16 {
-            let material = NeoHookean::of(1.0 / 729.0, 0.6 + 0.05 * f64::from(step));
+            let material = AnyMaterial::from(NeoHookean::of(1.0 / 729.0, 0.6 + 0.05 * f64::from(step)));
             let operator = Operator::new(&material, &activity);
             let positive = Factorisation::new(&operator, &u).unwrap().negative_pivots() == 0;
             let expected = if positive {

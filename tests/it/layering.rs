@@ -25,6 +25,7 @@ fn allowed() -> BTreeMap<String, BTreeSet<String>> {
         "pattern",
         "field",
         "sample",
+        "element",
         "fem",
         "fit",
         "dataset",

@@ -1,8 +1,8 @@
-//! The effects beyond the base model, one per file: their part of the energy or their evaluation of a solution, and
-//! their screening.
+//! The effects beyond the base model, one per file: their evaluation of a solution, and their screening. Energies are
+//! in [`super::energy`].
 //!
 //! Only [`Model`] combines effects: once per pattern it selects the law for the effects of the scene. Without any it is
-//! the base law, whose kernels are independent of effects. Stiffening laws are in [`super::energy`].
+//! the base law, whose kernels are independent of effects.
 
 mod breakdown;
 mod charge;
@@ -23,12 +23,9 @@ mod wrinkling;
 pub(super) use breakdown::largest_ratio;
 pub use breakdown::{breakdown_ratio, breakdown_ratio_at_rest, breakdown_strength, breakdown_strength_or_default};
 pub use effect::{DISPLACED, Effect, Examined, SMALL, Significance, Solutions, StableRange, Verdict};
-pub use electrode::Stiff;
 pub use fringe::Fringe;
 pub use model::{Model, WithMaterial};
-pub use permittivity::Decaying;
 pub(super) use pull_in::NEAR;
-pub use wrinkling::{RESIDUAL, TensionField};
 
 /// The effects in the order of the screening table.
 pub static EFFECTS: [&dyn Effect; 12] = [

@@ -1,7 +1,8 @@
 //! The physical model of a scene: its law at a point of the membrane.
 
-use super::{Decaying, Fringe, Stiff, TensionField};
-use crate::energy::{Compound, Elasticity, Isotropic, NeoHookean, NeoHookeanEnergy, Stiffened};
+use super::Fringe;
+use crate::composition::Composition;
+use crate::energy::{Stiff, Stiffened};
 use crate::error::SetupError;
 use crate::grid::Grid;
 use crate::material::{AnyMaterial, Material};
@@ -11,7 +12,7 @@ use crate::sheet::Sheet;
 use deaflow_field::Mesh;
 use deaflow_pattern::Pattern;
 use deaflow_scene::laws::StiffeningLaw;
-use deaflow_scene::{PermittivityDecay, Scene, Stiffening};
+use deaflow_scene::{Scene, Stiffening};
 
 /// The physical model of a scene, for any pattern.
 #[derive(Clone, Debug)]
@@ -19,14 +20,10 @@ pub struct Model {
     sheet: Sheet,
     /// Share of the load of each electrode group.
     loads: Vec<f64>,
-    /// √(λ₁λ₂), which the laws assume; [`Grid`] handles the difference of λ₁ and λ₂.
-    prestretch: f64,
+    /// The law assumes the prestretch √(λ₁λ₂); [`Grid`] handles the difference of λ₁ and λ₂.
+    composition: Composition,
     kappa: f64,
-    stiffening: Option<Stiffened>,
-    electrode: Option<Stiff>,
-    decay: Option<PermittivityDecay>,
     fringe: Option<Fringe>,
-    wrinkles: bool,
     /// γ of branches that have no time to relax, in units of μλp².
     gamma: f64,
     /// Whether the charge is prescribed.
@@ -95,13 +92,15 @@ impl Model {
         let model = Self {
             sheet,
             loads,
-            prestretch,
+            composition: Composition {
+                prestretch,
+                stiffening: law.map(stiffened).transpose()?,
+                electrode: effects.electrode_stiffness.as_ref().map(|e| Stiff::new(scene, e)),
+                decay: effects.stretch_dependent_permittivity.clone(),
+                wrinkles: effects.wrinkling.is_some(),
+            },
             kappa: scene.kappa(),
-            stiffening: law.map(stiffened).transpose()?,
-            electrode: effects.electrode_stiffness.as_ref().map(|e| Stiff::new(scene, e)),
-            decay: effects.stretch_dependent_permittivity.clone(),
             fringe: effects.fringe_field.as_ref().map(|_| Fringe::new(scene)).transpose()?,
-            wrinkles: effects.wrinkling.is_some(),
             gamma: 0.0,
             has_charge: scene.drive.charge.is_some(),
         };
@@ -122,24 +121,10 @@ impl Model {
         Self { gamma, ..self }
     }
 
-    /// Runs a computation with the law of the scene. Only here the type of the law is composed.
+    /// Runs a computation with the law of the scene.
     pub fn with<W: WithMaterial>(&self, work: W) -> W::Output {
-        let (prestretch, kappa) = (self.prestretch, self.kappa);
-        match self.stiffening {
-            None if self.is_base_law() => {
-                let gamma = if self.law_includes_unrelaxed() { self.gamma } else { 0.0 };
-                run(work, &|share| {
-                    AnyMaterial::new(NeoHookean::new(prestretch, share * kappa).with_unrelaxed(gamma))
-                })
-            }
-            None => self.with_elasticity(NeoHookeanEnergy::new(prestretch), work),
-            Some(elasticity) => self.with_elasticity(elasticity, work),
-        }
-    }
-
-    /// Returns whether no effect changes the law at a point.
-    fn is_base_law(&self) -> bool {
-        self.electrode.is_none() && self.decay.is_none() && !self.wrinkles
+        let gamma = if self.law_includes_unrelaxed() { self.gamma } else { 0.0 };
+        run(work, &|share| self.composition.material(share * self.kappa, gamma))
     }
 
     /// Returns whether branches that have no time to relax are part of the law. That is possible with the base model at
@@ -148,28 +133,9 @@ impl Model {
     #[must_use]
     pub fn law_includes_unrelaxed(&self) -> bool {
         let [along, across] = self.sheet.prestretch;
-        let is_plain = self.stiffening.is_none() && self.is_base_law() && along == across;
+        let is_plain = self.composition.is_base() && along == across;
         let is_held = self.sheet.sides.is_none();
         is_plain && is_held && self.sheet.mounts.is_empty() && !self.has_charge
-    }
-
-    fn with_elasticity<M: Elasticity, W: WithMaterial>(&self, elasticity: M, work: W) -> W::Output {
-        let (prestretch, kappa) = (self.prestretch, self.kappa);
-        let electrode = self.electrode.unwrap_or(Stiff { ratio: 0.0 });
-        let potential = |share: f64| {
-            let dielectric = match &self.decay {
-                None => Decaying::ideal(prestretch, share * kappa),
-                Some(decay) => Decaying::new(decay, prestretch, share * kappa),
-            };
-            Compound::new(prestretch, elasticity, dielectric, electrode)
-        };
-        if self.wrinkles {
-            run(work, &|share| {
-                AnyMaterial::new(Isotropic::new(TensionField::new(potential(share))))
-            })
-        } else {
-            run(work, &|share| AnyMaterial::new(Isotropic::new(potential(share))))
-        }
     }
 
     /// Returns the grid of a mesh; a fringe field needs element edges at its end.
@@ -243,6 +209,6 @@ impl Model {
     /// Returns whether the energy is linear in the activity of each cell.
     #[must_use]
     pub fn is_linear_in_cells(&self) -> bool {
-        self.fringe.is_none() && !self.wrinkles
+        self.fringe.is_none() && !self.composition.wrinkles
     }
 }

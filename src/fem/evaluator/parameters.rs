@@ -6,12 +6,12 @@ use std::path::Path;
 use serde_json::json;
 
 use super::method::Method;
-use crate::capacitance::is_clustered;
 use crate::error::SetupError;
 use crate::krylov::LARGE;
 use crate::lanes::WIDEST;
 use crate::out_of_plane::InflationSolver;
-use crate::rectangle::is_large_or_long;
+use crate::precondition::is_clustered;
+use crate::precondition::is_large_or_long;
 use crate::response::check_sides;
 use crate::time::{HistoryOptions, HistoryRequest, HistorySolver, refusal};
 use crate::work::WorkLimit;

@@ -452,13 +452,14 @@ mod tests {
     use super::*;
     use crate::eigenvalue::dot;
     use crate::energy::NeoHookean;
+    use crate::material::AnyMaterial;
     use crate::sheet::{Sheet, lifts};
     use deaflow_field::Mesh;
     use deaflow_pattern::Pattern;
     use deaflow_scene::Scene;
 
     /// Waves in all components, with bodies that have moved and turned.
-    fn waves(surface: &Surface<'_, NeoHookean>, size: f64, phase: f64) -> Vec<f64> {
+    fn waves(surface: &Surface<'_, AnyMaterial>, size: f64, phase: f64) -> Vec<f64> {
         let mut x: Vec<f64> = (0..surface.len())
             .map(|i| size * (i as f64 * 0.61 + phase).sin())
             .collect();
@@ -492,7 +493,7 @@ mod tests {
             );
             assert!((of_grid[0].area() - 6.0 * grid.elements()[0].pow(2) as f64 / 100.0).abs() < 1e-9);
             let surface = Surface {
-                material: &NeoHookean::new(3.0, scene.kappa()),
+                material: &AnyMaterial::from(NeoHookean::new(3.0, scene.kappa())),
                 activity: &activity,
                 heights: &heights,
                 bodies: &of_grid,

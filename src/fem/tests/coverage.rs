@@ -175,7 +175,7 @@ fn laminates_of_the_base_law_have_the_closed_form() {
     // W̄/μ = ½(|F|² − 3) + min over s of ½S(1 − S)|N|²s²/M + S g₁(J + (1 − S)s) + (1 − S) g₀(J − Ss), with m = cof F N,
     // M = |m|², g₀ = ½J⁻² and g₁ = g₀ − ½κJ²; N is the normal times the prestretch.
     let (prestretch, kappa) = (3.0_f64, 0.0255);
-    let material = NeoHookean::new(prestretch, kappa);
+    let material = AnyMaterial::from(NeoHookean::new(prestretch, kappa));
     for (gradient, share, angle) in [
         ([[0.12, 0.07], [-0.11, -0.07]], 0.3, 0.4_f64),
         ([[-0.02, 0.01], [0.05, 0.2]], 0.75, 2.1),
@@ -289,7 +289,7 @@ fn linear_displacements(scene: &Scene, pattern: &Pattern, mesh: Mesh) -> Vec<Poi
         let [x, y] = grid.cell_of(element);
         coverage.share(x, y)
     });
-    let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
+    let material = AnyMaterial::from(NeoHookean::new(scene.mean_prestretch(), scene.kappa()));
     let operator = Operator::new(&material, &activity);
     let mut u = vec![0.0; grid.layout().vector_len()];
     newton_by_factors(&operator, &u.clone(), &mut u);
@@ -417,7 +417,7 @@ fn a_strip_that_ends_within_cells_has_the_closed_form_displacement() {
         for mesh in [Mesh::bilinear(1), Mesh::biquadratic(1)] {
             let model = Model::new(&scene).unwrap();
             let grid = model.grid(mesh).unwrap();
-            let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
+            let material = AnyMaterial::from(NeoHookean::new(scene.mean_prestretch(), scene.kappa()));
             let activity = model.activity(&grid, &pattern);
             let operator = Operator::new(&material, &activity);
             let (layout, [columns, rows]) = (grid.layout(), grid.layout().nodes());
@@ -502,7 +502,7 @@ fn residuals_tangents_and_factors_of_laminates_agree() {
             let grid = solver.grid();
             assert_eq!(grid.follows_borders().is_some(), !curves.is_empty());
             let activity = Model::new(&scene).unwrap().activity(grid, &pattern);
-            let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
+            let material = AnyMaterial::from(NeoHookean::new(scene.mean_prestretch(), scene.kappa()));
             let operator = Operator::new(&material, &activity);
             let solution = solver.solve(&pattern);
             assert!(solution.outcome.is_converged());
@@ -635,7 +635,7 @@ fn whole_cells_are_those_of_patterns() {
     let activity = Activity::of_coverage(solver.grid(), &Arc::new(coverage), &[1.0]);
     let whole = Activity::new(solver.grid(), &pattern);
     assert_eq!(activity.elements(), whole.elements());
-    let material = NeoHookean::new(3.0, scene.kappa());
+    let material = AnyMaterial::from(NeoHookean::new(3.0, scene.kappa()));
     let u: Vec<f64> = solver.solve(&pattern).displacement;
     let residual = |activity: &Activity| {
         let mut out = vec![0.0; u.len()];

@@ -66,7 +66,7 @@ fn the_laplacian_is_inverted_whatever_frames_and_bodies_do() {
         let scene = scene(geometry, 0.0);
         let grid = Grid::uniform(mesh, &Sheet::of(&scene));
         let activity = Activity::new(&grid, &Pattern::from_fn(grid.raster(), |_, _| false));
-        let material = NeoHookean::new(3.0, 0.0);
+        let material = AnyMaterial::from(NeoHookean::new(3.0, 0.0));
         let operator = Operator {
             body_load: 0.0,
             ..Operator::new(&material, &activity)
@@ -111,7 +111,7 @@ fn residual_and_tangent_are_derivatives_on_what_is_allowed() {
         let scene = scene(geometry, 4e3);
         let grid = Grid::uniform(mesh, &Sheet::of(&scene));
         let activity = Activity::new(&grid, &random_on(grid.raster(), 2));
-        let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
+        let material = AnyMaterial::from(NeoHookean::new(scene.mean_prestretch(), scene.kappa()));
         let operator = Operator::new(&material, &activity);
         // Near an equilibrium with rotated bodies.
         let mut u = solver_of(&scene, mesh).solve(&half_of(&scene)).displacement;
@@ -184,7 +184,7 @@ fn factors_and_conjugate_gradients_agree_and_take_as_many_iterations_as_on_the_r
         let pattern = random_on(solver.grid().raster(), 6);
         let solution = solver.solve(&pattern);
         assert_eq!(solution.outcome, Outcome::Converged, "{geometry}");
-        let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
+        let material = AnyMaterial::from(NeoHookean::new(scene.mean_prestretch(), scene.kappa()));
         let activity = Activity::new(solver.grid(), &pattern);
         let operator = Operator::new(&material, &activity);
         let mut u = vec![0.0; solution.displacement.len()];

@@ -11,7 +11,7 @@ fn residual_and_tangent_are_derivatives_of_the_energy() {
         let grid = Grid::uniform(Mesh::new(1, order), &sheet);
         let layout = grid.layout();
         let (kappa, [along, across]) = (0.0255, sheet.prestretch);
-        let material = NeoHookean::new((along * across).sqrt(), kappa);
+        let material = AnyMaterial::from(NeoHookean::new((along * across).sqrt(), kappa));
         let activity = Activity::new(&grid, &random_on(sheet.raster(), 4));
         let operator = Operator::new(&material, &activity);
         let wave = |phase: f64, size: f64| {
@@ -93,7 +93,7 @@ fn energy_of<E: Element<N>, const N: usize>(sheet: &Sheet, activity: &Activity, 
 fn affine_displacements_of_a_uniform_membrane_are_in_equilibrium() {
     for order in [Order::Bilinear, Order::Biquadratic] {
         let grid = Grid::paper(Mesh::new(1, order));
-        let material = NeoHookean::new(2.0, 0.05);
+        let material = AnyMaterial::from(NeoHookean::new(2.0, 0.05));
         let activity = Activity::new(&grid, &Pattern::from_fn(Raster::PAPER, |_, _| true));
         let operator = Operator::new(&material, &activity);
         let mut u = vec![0.0; grid.layout().vector_len()];
@@ -112,7 +112,7 @@ fn affine_displacements_of_a_uniform_membrane_are_in_equilibrium() {
 fn conjugate_gradients_and_factors_find_the_same_solution() {
     let scene = Scene::vhb4910();
     let grid = Grid::paper(Mesh::new(1, Order::Bilinear));
-    let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
+    let material = AnyMaterial::from(NeoHookean::new(scene.mean_prestretch(), scene.kappa()));
     let activity = Activity::new(&grid, &random(5));
     let mut u = vec![0.0; grid.layout().vector_len()];
     newton_by_factors(

@@ -175,7 +175,7 @@ fn a_stiffening_strip_is_in_equilibrium_where_the_closed_form_says() {
 fn a_wrinkled_strip_is_in_equilibrium_where_the_closed_form_says() {
     // As H5 at λp = 1.2 with the tension field in the active half: P₁ = a − a⁻²s − κ/s, s = √(1 − κa²), except for the
     // share of the flat membrane; P₁₁ = b − b⁻³/λp² in the other half.
-    let share = crate::effects::RESIDUAL;
+    let share = crate::energy::RESIDUAL;
     let scene = scene(1.2, 20_797.0, wrinkling());
     let kappa = scene.kappa();
     let bare = |b: f64| b - b.powi(-3) / 1.44;

@@ -248,7 +248,7 @@ fn residuals_tangents_factors_and_gradients_of_mapped_elements_agree() {
         let pattern = Pattern::from_fn(scene.membrane().raster, |x, y| (6..13).contains(&x) && y > 7);
         let grid = solver.grid();
         let activity = Activity::new(grid, &pattern);
-        let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
+        let material = AnyMaterial::from(NeoHookean::new(scene.mean_prestretch(), scene.kappa()));
         let operator = Operator::new(&material, &activity);
         let solution = solver.solve(&pattern);
         assert!(solution.outcome.is_converged());

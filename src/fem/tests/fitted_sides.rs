@@ -171,7 +171,7 @@ fn tangents_and_gradients_follow_residuals_on_fitted_elements_at_sides() {
         let solver = solver_of(&scene, mesh);
         let grid = solver.grid();
         let activity = Activity::new(grid, &bare(&scene));
-        let material = NeoHookean::of(0.3, 0.2);
+        let material = AnyMaterial::from(NeoHookean::of(0.3, 0.2));
         let operator = Operator::new(&material, &activity);
         let len = grid.layout().vector_len();
         let u = waves(grid, 0.01, 0.2);

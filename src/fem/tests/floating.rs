@@ -204,7 +204,7 @@ fn factors_of_floating_sheets_have_their_tangent_and_inertia() {
             let solver = solver_of(&scene, mesh);
             let grid = solver.grid();
             let activity = Activity::new(grid, &odd(&scene));
-            let material = NeoHookean::of(0.3, 0.2);
+            let material = AnyMaterial::from(NeoHookean::of(0.3, 0.2));
             let operator = Operator::new(&material, &activity);
             let len = grid.layout().vector_len();
             let wave = |phase: f64| -> Vec<f64> { (0..len).map(|i| 0.02 * (i as f64 * 0.61 + phase).sin()).collect() };
@@ -229,7 +229,7 @@ fn factors_of_floating_sheets_have_their_tangent_and_inertia() {
             let laplacian = Laplacian::new(grid).unwrap();
             let mut found = Vec::new();
             for pull in [0.2, 4.0] {
-                let material = NeoHookean::of(0.3, pull);
+                let material = AnyMaterial::from(NeoHookean::of(0.3, pull));
                 let operator = Operator::new(&material, &activity);
                 let negative = Factorisation::new(&operator, &u).unwrap().negative_pivots();
                 let smallest = crate::eigenvalue::smallest(&operator, &laplacian, &u, None)
@@ -258,7 +258,7 @@ fn tangents_of_floating_sheets_are_derivatives_of_residuals() {
         let solver = solver_of(&scene, Mesh::biquadratic(1));
         let grid = solver.grid();
         let activity = Activity::new(grid, &odd(&scene));
-        let material = NeoHookean::of(0.3, 0.2);
+        let material = AnyMaterial::from(NeoHookean::of(0.3, 0.2));
         let operator = Operator::new(&material, &activity);
         let len = grid.layout().vector_len();
         let wave = |phase: f64| -> Vec<f64> {

@@ -85,7 +85,7 @@ fn a_strip_of_two_voltages_has_the_closed_form_displacement() {
         let pattern = Pattern::from_groups(scene.membrane().raster, |x, _| if x < 10 { 1 } else { 2 });
         let model = Model::new(&scene).unwrap();
         let grid = model.grid(Mesh::biquadratic(1)).unwrap();
-        let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
+        let material = AnyMaterial::from(NeoHookean::new(scene.mean_prestretch(), scene.kappa()));
         let activity = model.activity(&grid, &pattern);
         let operator = Operator::new(&material, &activity);
         let (layout, [columns, rows]) = (grid.layout(), grid.layout().nodes());

@@ -52,7 +52,7 @@ fn check(scene: &Scene, pattern: &Pattern) -> Result<Outcome, String> {
     if !solution.outcome.is_converged() {
         return Err(format!("{} at {voltage} V", solution.outcome));
     }
-    let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
+    let material = AnyMaterial::from(NeoHookean::new(scene.mean_prestretch(), scene.kappa()));
     let activity = Activity::new(grid, pattern);
     let operator = Operator::new(&material, &activity);
     let (mut rest, mut force) = (

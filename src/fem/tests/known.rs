@@ -18,7 +18,7 @@ fn strip_stretch(kappa: f64) -> f64 {
 /// state is not a stable one of the square and others are near, so the iteration starts at the closed form.
 fn solve_strip(scene: &Scene, grid: &Grid) -> Vec<f64> {
     let e = strip_stretch(scene.kappa());
-    let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
+    let material = AnyMaterial::from(NeoHookean::new(scene.mean_prestretch(), scene.kappa()));
     let activity = Activity::new(grid, &half());
     let operator = Operator::new(&material, &activity);
     let (last, degree) = (grid.layout().nodes()[0] - 1, grid.order().degree() as f64);

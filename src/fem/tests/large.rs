@@ -25,7 +25,7 @@ fn iterations(geometry: &str, cells: usize, mesh: Mesh) -> u32 {
     let scene = scene(geometry, cells, "");
     let grid = Grid::uniform(mesh, &Sheet::of(&scene));
     let activity = Activity::new(&grid, &Pattern::from_fn(grid.raster(), |_, _| false));
-    let material = NeoHookean::new(3.0, 0.0);
+    let material = AnyMaterial::from(NeoHookean::new(3.0, 0.0));
     let operator = Operator::new(&material, &activity);
     let laplacian = Laplacian::new(&grid).unwrap();
     let rest = vec![0.0_f32; grid.layout().vector_len()];

@@ -20,7 +20,6 @@ mod known;
 mod large;
 mod laws;
 mod limits;
-mod material;
 mod near;
 mod out_of_plane;
 mod outcome;
@@ -29,12 +28,13 @@ mod pressure;
 mod rectangles;
 mod scenes;
 mod sides;
+mod snapping;
 
 use super::direct::Factorisation;
 use super::effects::StableRange;
 use super::energy::NeoHookean;
 use super::grid::Grid;
-use super::material::Material;
+use super::material::{AnyMaterial, Material};
 use super::newton::norm;
 use super::operator::{Activity, Operator};
 use super::reactions::SideForces;
@@ -171,7 +171,7 @@ fn check_gradient(
     let solution = solver.solve(pattern);
     let gradient = solver.gradient(pattern, &solution, weights).unwrap();
     let (grid, columns) = (solver.grid(), pattern.raster().columns());
-    let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
+    let material = AnyMaterial::from(NeoHookean::new(scene.mean_prestretch(), scene.kappa()));
     let value = |cell: usize, by: f64| -> f64 {
         let share = |x: usize, y: usize| {
             let own = f64::from(u8::from(pattern.is_active(x, y)));

@@ -80,7 +80,7 @@ fn the_inertia_counts_the_unstable_modes() {
     let activity = Activity::new(&grid, &Pattern::from_fn(Raster::PAPER, |_, _| true));
     let u = vec![0.0; grid.layout().vector_len()];
     let negative = |kappa: f64| {
-        let material = NeoHookean::new(3.0, kappa);
+        let material = AnyMaterial::from(NeoHookean::new(3.0, kappa));
         let operator = Operator::new(&material, &activity);
         Factorisation::new(&operator, &u).unwrap().negative_pivots()
     };

@@ -1,10 +1,8 @@
 //! Load paths: ends, points and events, and states beyond a fold.
 
+use super::snapping::Stiffening;
 use super::*;
 use crate::continuation::{LoadingEnd, Problem};
-use crate::energy::{MODULI, Margins, MaterialPoint};
-use crate::kinematics::{Tensor, add_scaled, cofactor, contract, deformation, determinant, squared_stretches};
-use crate::lanes::Value;
 use crate::newton::Workspace;
 use crate::path::{curve::Curve, trace::follow};
 use crate::precondition::Laplacian;
@@ -137,98 +135,16 @@ fn margins_of_uniform_membranes_have_closed_forms() {
     assert!(report.critical.is_some() && report.margin.is_none());
 }
 
-/// A membrane that stiffens after snapping: g′ = −a j⁻³ − S b j + c (j − 1)³.
-struct Stiffening {
-    thickness: f64,
-    pull: f64,
-    stiffness: f64,
-}
+/// Materials at shares of the load, of the type that scenes have.
+type Law<'a> = &'a (dyn Fn(f64) -> AnyMaterial + Sync);
 
-impl Stiffening {
-    fn new(share: f64) -> Self {
-        Self {
-            thickness: 3f64.powi(-6),
-            pull: share,
-            stiffness: 0.006,
-        }
-    }
-
-    #[inline(always)]
-    fn slopes<V: Value>(&self, j: V, active: V) -> (V, V) {
-        let number = |value: f64| active.constant(value);
-        let (inverse, rise) = (j.recip(), j - number(1.0));
-        let cubic = number(-self.thickness) * inverse * inverse * inverse;
-        let pull = number(-self.pull) * active;
-        let slope = cubic + pull * j + number(self.stiffness) * rise * rise * rise;
-        let curvature = number(-3.0) * cubic * inverse + pull + number(3.0 * self.stiffness) * rise * rise;
-        (slope, curvature)
-    }
-}
-
-impl MaterialPoint for Stiffening {
-    const SEVERAL_BRANCHES: bool = true;
-
-    fn energy<V: Value>(&self, f: Tensor<V>, active: V) -> V {
-        let (j, half) = (determinant(f), active.constant(0.5));
-        let (inverse, rise) = (j.recip(), j - active.constant(1.0));
-        let squares = rise * rise * active.constant(0.25 * self.stiffness) * rise * rise;
-        let thickness = active.constant(self.thickness) * inverse * inverse;
-        half * (contract(f, f) + thickness - active.constant(self.pull) * active * j * j) + squares
-    }
-
-    #[inline(always)]
-    fn stress<V: Value>(&self, gradient: Tensor<V>, active: V) -> Tensor<V> {
-        let f = deformation(gradient);
-        let (slope, _) = self.slopes(determinant(f), active);
-        add_scaled(gradient, slope + active.constant(self.thickness), cofactor(f))
-    }
-
-    #[inline(always)]
-    fn tangent<V: Value>(&self, gradient: Tensor<V>, active: V, df: Tensor<V>) -> Tensor<V> {
-        let f = deformation(gradient);
-        let (slope, curvature) = self.slopes(determinant(f), active);
-        let c = cofactor(f);
-        add_scaled(add_scaled(df, curvature * contract(c, df), c), slope, cofactor(df))
-    }
-
-    #[inline(always)]
-    fn moduli<V: Value>(&self, gradient: Tensor<V>, active: V) -> [V; MODULI] {
-        let (slope, curvature) = self.slopes(determinant(deformation(gradient)), active);
-        let number = |value: f64| active.constant(value);
-        [number(1.0), slope, number(0.0), number(0.0), curvature]
-    }
-
-    fn self_stress(&self, f: Tensor<f64>) -> Tensor<f64> {
-        Material::self_stress(&NeoHookean::of(self.thickness, self.pull), f)
-    }
-
-    fn largest_load(&self) -> f64 {
-        2.0
-    }
-
-    fn load(&self) -> f64 {
-        self.pull
-    }
-
-    #[inline(always)]
-    fn margins<V: Value>(&self, f: Tensor<V>, active: V) -> Margins<V> {
-        let (_, curvature) = self.slopes(determinant(f), active);
-        let [largest, _] = squared_stretches(f);
-        Margins {
-            ellipticity: curvature.min(active.constant(0.0)).madd(largest, active.constant(1.0)),
-            convexity: active.constant(-1.0),
-            tension: active.constant(1.0),
-        }
-    }
-}
-
-fn with_stiffening<R>(work: impl FnOnce(&Problem<'_, fn(f64) -> Stiffening>) -> R) -> R {
+fn with_stiffening<R>(work: impl FnOnce(&Problem<'_, Law<'_>>) -> R) -> R {
     let grid = Grid::paper(Mesh::new(1, Order::Bilinear));
     let activity = Activity::new(&grid, &disc(1.0));
     let problem = Problem {
         activity: &activity,
         laplacian: &Laplacian::new(&grid).unwrap(),
-        material: Stiffening::new as fn(f64) -> Stiffening,
+        material: &Stiffening::at as Law<'_>,
         tolerance: 1e-10,
         at_rest: None,
     };
@@ -246,7 +162,7 @@ fn a_stiffening_membrane_snaps_to_another_stable_branch() {
         assert!(trace.states.last().unwrap().stable);
         // Every state on the way is an equilibrium.
         for state in &trace.states {
-            let material = Stiffening::new(state.share);
+            let material = Stiffening::at(state.share);
             let operator = Operator::new(&material, problem.activity);
             let mut force = vec![0.0; state.u.len()];
             assert!(operator.residual(&state.u, &mut force) > 0.0);
@@ -260,8 +176,9 @@ fn loading_does_not_jump_to_the_branch_beyond_a_snap() {
     with_stiffening(|problem| {
         let first = follow(&Curve::new(problem).unwrap(), |_| ()).events[0].share;
         for share in [0.98, 1.02, 1.3, 2.0] {
+            let law = |part: f64| Stiffening::at(part * share * first);
             let problem = Problem {
-                material: |part: f64| Stiffening::new(part * share * first),
+                material: &law as Law<'_>,
                 activity: problem.activity,
                 laplacian: problem.laplacian,
                 tolerance: problem.tolerance,

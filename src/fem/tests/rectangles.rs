@@ -54,7 +54,7 @@ fn the_strip_has_the_closed_form_displacement_and_stress() {
             let pattern = Pattern::from_fn(raster, |x, _| 2 * x < raster.columns());
             let grid = Grid::uniform(mesh, &Sheet::of(&scene));
             let (layout, [columns, rows]) = (grid.layout(), grid.layout().nodes());
-            let material = NeoHookean::new(scene.mean_prestretch(), scene.kappa());
+            let material = AnyMaterial::from(NeoHookean::new(scene.mean_prestretch(), scene.kappa()));
             let activity = Activity::new(&grid, &pattern);
             let operator = Operator::new(&material, &activity);
             let mut u = vec![0.0; layout.vector_len()];

@@ -264,7 +264,7 @@ fn the_preconditioner_inverts_the_laplacian_for_all_sides() {
             Mesh::biquadratic(1)
         };
         let grid = Grid::uniform(mesh, &Sheet::of(&scene));
-        let material = NeoHookean::without_thickness();
+        let material = AnyMaterial::from(NeoHookean::without_thickness());
         let activity = Activity::new(&grid, &Pattern::from_fn(grid.raster(), |_, _| false));
         let operator = Operator::new(&material, &activity);
         let laplacian = Laplacian::new(&grid).unwrap();
@@ -300,7 +300,7 @@ fn tangents_are_derivatives_of_residuals_on_free_sides() {
         let solver = solver_of(&scene, mesh);
         let grid = solver.grid();
         let activity = Activity::new(grid, &cells_in(&scene, [5.0, 20.0], [0.0, 10.0]));
-        let material = NeoHookean::of(0.3, 0.2);
+        let material = AnyMaterial::from(NeoHookean::of(0.3, 0.2));
         let operator = Operator::new(&material, &activity);
         let len = grid.layout().vector_len();
         let u = waves(grid, 0.02, 0.2);

@@ -6,6 +6,7 @@ use std::f64::consts::TAU;
 use super::*;
 use crate::energy::NeoHookean;
 use crate::mass::Mass;
+use crate::material::AnyMaterial;
 use crate::operator::{Activity, Operator};
 use crate::time::modes::lowest;
 use deaflow_field::Motion;
@@ -149,7 +150,7 @@ fn a_body_swings_at_the_natural_frequencies_of_its_membrane() {
     assert!(found.outcome.is_converged());
     let still = solver.solve(&bare).displacement;
     let mass = Mass::new(&solver.grid, false);
-    let law = NeoHookean::new(3.0, 0.0);
+    let law = AnyMaterial::from(NeoHookean::new(3.0, 0.0));
     let activity = Activity::new(&solver.grid, &bare);
     let operator = Operator::new(&law, &activity);
     let modes = lowest(&operator, &solver.laplacian, &mass, &vec![0.0; still.len()], 4);

@@ -9,6 +9,7 @@ use crate::SetupError;
 use crate::charge::sprayed;
 use crate::energy::NeoHookean;
 use crate::mass::Mass;
+use crate::material::AnyMaterial;
 use crate::operator::Operator;
 use crate::time::modes::lowest;
 
@@ -148,7 +149,7 @@ fn a_body_in_a_charged_membrane_swings_at_its_linear_frequency() {
         let volts = 4e-6 * 1e-3 / (charged.permittivity() * 9.0 * area);
         let share = (volts / charged.voltage_v()).powi(2);
         let kappa = if is_sprayed { 0.0 } else { share * charged.kappa() };
-        let law = NeoHookean::new(3.0, kappa);
+        let law = AnyMaterial::from(NeoHookean::new(3.0, kappa));
         let activity = match is_sprayed {
             true => sprayed(&plain, &charged, 4e-6),
             false => plain,

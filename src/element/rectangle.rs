@@ -38,7 +38,7 @@ const MANY_CELLS: usize = 100;
 
 /// Returns whether rows of many cells are transformed on a raster with these columns and rows, or columns and rows may
 /// be exchanged. Results then differ in their last digits from those of earlier versions.
-pub(super) fn is_large_or_long([columns, rows]: [usize; 2]) -> bool {
+pub fn is_large_or_long([columns, rows]: [usize; 2]) -> bool {
     columns.max(rows) > MANY_CELLS || columns > LONG * rows
 }
 

@@ -2,9 +2,11 @@
 
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
+pub use super::capacitance::is_clustered;
 use super::capacitance::{Capacitance, CapacitanceScratch};
 use super::error::SetupError;
 use super::grid::Grid;
+pub use super::rectangle::is_large_or_long;
 use super::rectangle::{Rectangle, RectangleScratch};
 use super::rigid::Pose;
 use super::supports::Supports;

@@ -4,7 +4,6 @@ pub use super::activity::{Activity, Within, load_of};
 use super::boundary::{Boundary, EdgeStress, cofactor_stress};
 use super::energy::Margins;
 pub use super::kernels::MaterialAtRest;
-pub(crate) use super::kernels::{add_rest, scale_gradients, scale_stresses};
 use super::kernels::{stress_at_rest, without_material};
 use super::laminates::Laminates;
 use super::layout::NodeLayout;
@@ -52,7 +51,7 @@ impl<L: Material> Operator<'_, L> {
     }
 
     /// Returns the laminates of elements that electrodes cover in part, if there are any.
-    pub(super) fn laminates(&self) -> Option<Laminates<'_, L>> {
+    pub fn laminates(&self) -> Option<Laminates<'_, L>> {
         Laminates::of(self.activity, self.material)
     }
 
@@ -99,7 +98,7 @@ impl<L: Material> Operator<'_, L> {
 
     /// Writes the forces of all elements on the nodes inside the edge into `out`; returns the smallest
     /// [`Material::admissible`].
-    pub(super) fn forces(&self, u: &[f64], out: &mut [f64]) -> f64 {
+    pub fn forces(&self, u: &[f64], out: &mut [f64]) -> f64 {
         let smallest = self.material.forces(self.activity, u, out);
         self.add_memory_forces(out, |memory_forces| {
             without_material(self.activity).forces_of_memory(u, memory_forces)
@@ -194,14 +193,14 @@ impl<L: Material> Operator<'_, L> {
     /// Writes the Laplacian times `du` into `out`: the tangent of a membrane without thickness and voltage, and of
     /// bodies without loads and springs.
     pub fn laplacian<T: MaterialPrecision>(&self, u: &[T], du: &[T], out: &mut [T]) {
-        without_material(self.activity).tangent([u, du], out);
+        T::laplacian(self.activity, [u, du], out);
         if let Some(supports) = self.activity.grid().supports() {
             supports.restrict(&supports.poses(u), out);
         }
     }
 
     /// Returns the curvature of the rotation of each body at `u`.
-    pub(super) fn curvatures<T: MaterialPrecision>(&self, u: &[T]) -> Vec<f64> {
+    pub fn curvatures<T: MaterialPrecision>(&self, u: &[T]) -> Vec<f64> {
         let Some(supports) = self.activity.grid().supports() else {
             return Vec::new();
         };
@@ -250,7 +249,7 @@ impl<L: Material> Operator<'_, L> {
         let (moduli, of_laminates) = moduli.split_at(moduli.len() - count);
         let passes = T::passes(self.material);
         if self.material.stores_moduli() && moduli.is_empty() {
-            without_material(self.activity).tangent_at_rest([u, du], &passes.at_rest(), out);
+            T::tangent_at_rest(self.activity, [u, du], &passes.at_rest(), out);
         } else {
             passes.tangent_product(self.activity, [u, du], moduli, out);
         }

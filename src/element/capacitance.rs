@@ -30,7 +30,7 @@ const MOST: usize = 1600;
 
 /// Returns whether so many nodes of frames and bodies form clusters. Results then differ in their last digits from those
 /// of earlier versions, which left the correction out.
-pub(super) fn is_clustered(nodes: usize) -> bool {
+pub fn is_clustered(nodes: usize) -> bool {
     nodes > MOST
 }
 

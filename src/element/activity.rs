@@ -194,7 +194,7 @@ impl Activity {
 
     /// Returns the elements that electrodes cover in part; `None` if electrodes cover whole cells.
     #[must_use]
-    pub(super) fn covered(&self) -> Option<&Covered> {
+    pub fn covered(&self) -> Option<&Covered> {
         self.covered.as_deref()
     }
 

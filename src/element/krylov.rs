@@ -51,7 +51,7 @@ const LIMIT: usize = 100;
 /// The same for vectors of more than [`LARGE`] numbers: fewer iterations take less time and memory than a factorisation.
 const LARGE_LIMIT: usize = 1000;
 /// Length of a vector for which a factorisation takes half a gigabyte.
-pub(super) const LARGE: usize = 1_000_000;
+pub const LARGE: usize = 1_000_000;
 
 /// Solves `operator` · solution = residual from zero until the Euclidean norm of the residual, 1 on entry, is at most
 /// `goal`.
@@ -132,7 +132,7 @@ fn short_dot(a: &[f32], b: &[f32]) -> f64 {
 }
 
 /// y ← y + αx.
-pub(super) fn add_scaled(y: &mut [f32], alpha: f32, x: &[f32]) {
+pub fn add_scaled(y: &mut [f32], alpha: f32, x: &[f32]) {
     dispatch_widest(
         #[inline(always)]
         || y.iter_mut().zip(x).for_each(|(y, x)| *y += alpha * x),

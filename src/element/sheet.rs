@@ -219,9 +219,9 @@ impl Sheet {
     }
 }
 
-#[cfg(test)]
 impl Sheet {
-    /// The sheet of the source paper.
+    /// Returns the sheet of the source paper, a square of 50 mm at a prestretch of 3.
+    #[must_use]
     pub fn paper() -> Self {
         Self {
             membrane: Membrane::square(50.0),

@@ -33,7 +33,7 @@ impl Laminate {
 
 /// The elements of a pattern that electrodes cover in part.
 #[derive(Clone, Debug)]
-pub(super) struct Covered {
+pub struct Covered {
     coverage: Arc<Coverage>,
     normals: Normals,
     /// Load of each group.
@@ -47,7 +47,7 @@ pub(super) struct Covered {
 
 /// An element that is cut by an edge.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct CutElement {
+pub struct CutElement {
     /// Column and row.
     pub at: [usize; 2],
     /// The laminate of all its points.
@@ -57,7 +57,7 @@ pub(super) struct CutElement {
 impl Covered {
     /// Finds the cut elements, given the activity of each element in rows of [`NodeLayout::part`] numbers, and the load
     /// of each group.
-    pub(super) fn new(grid: &Grid, linear: &[f64], coverage: &Arc<Coverage>, loads: &[f64]) -> Self {
+    pub fn new(grid: &Grid, linear: &[f64], coverage: &Arc<Coverage>, loads: &[f64]) -> Self {
         let part = grid.layout().part();
         let mut covered = Self {
             coverage: Arc::clone(coverage),
@@ -81,13 +81,13 @@ impl Covered {
     }
 
     /// Returns the activity of the elements that are not cut.
-    pub(super) fn of_uncut_elements(&self) -> &BothPrecisions {
+    pub fn of_uncut_elements(&self) -> &BothPrecisions {
         &self.of_uncut_elements
     }
 
     /// Returns the laminate of a cell (column, row), also of a covered or bare one at an edge; `None` far from edges,
     /// and where a cell has no normal, as a lone one. There the energy is linear in the share.
-    pub(super) fn laminate_of_cell(&self, grid: &Grid, [x, y]: [usize; 2]) -> Option<Laminate> {
+    pub fn laminate_of_cell(&self, grid: &Grid, [x, y]: [usize; 2]) -> Option<Laminate> {
         Some(Laminate {
             share: self.coverage.share(x, y),
             load: self.load_of_cell(x, y),
@@ -96,7 +96,7 @@ impl Covered {
     }
 
     /// Returns the same of a cell that an electrode covers in part.
-    pub(super) fn laminate_of_cut_cell(&self, grid: &Grid, [x, y]: [usize; 2]) -> Option<Laminate> {
+    pub fn laminate_of_cut_cell(&self, grid: &Grid, [x, y]: [usize; 2]) -> Option<Laminate> {
         let share = self.coverage.share(x, y);
         (share > 0.0 && share < 1.0)
             .then(|| self.laminate_of_cell(grid, [x, y]))
@@ -104,7 +104,7 @@ impl Covered {
     }
 
     /// Returns the load of the electrode of a cell; the full one for a bare cell.
-    pub(super) fn load_of_cell(&self, x: usize, y: usize) -> f64 {
+    pub fn load_of_cell(&self, x: usize, y: usize) -> f64 {
         match usize::from(self.coverage.group(x, y)) {
             0 => 1.0,
             group => self.loads[group - 1],
@@ -112,17 +112,17 @@ impl Covered {
     }
 
     /// Returns the cut elements.
-    pub(super) fn elements(&self) -> &[CutElement] {
+    pub fn elements(&self) -> &[CutElement] {
         &self.elements
     }
 
     /// Returns the derivatives of the angle of the normal of a cell (column, row) with respect to the shares of cells.
-    pub(super) fn slopes_of_angle(&self, grid: &Grid, cell: [usize; 2]) -> Vec<([usize; 2], f64)> {
+    pub fn slopes_of_angle(&self, grid: &Grid, cell: [usize; 2]) -> Vec<([usize; 2], f64)> {
         self.normals.slopes(grid, &self.coverage, cell)
     }
 
     /// Returns the laminate of a cut element (column, row); `None` for another one.
-    pub(super) fn laminate(&self, [column, row]: [usize; 2]) -> Option<&Laminate> {
+    pub fn laminate(&self, [column, row]: [usize; 2]) -> Option<&Laminate> {
         let found = self
             .elements
             .binary_search_by_key(&[row, column], |cut| [cut.at[1], cut.at[0]]);

@@ -184,8 +184,7 @@ fn displacement<V: Value>(f: Tensor<V>) -> Tensor<V> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::{Decaying, Stiff};
-    use crate::energy::{Compound, NeoHookeanEnergy, Ogden, Stiffened};
+    use crate::energy::{Compound, Decaying, NeoHookeanEnergy, Ogden, Stiff, Stiffened};
     use deaflow_base::Decimal;
     use deaflow_linalg::{Mat, eigen};
     use deaflow_scene::laws::{ArrudaBoyce, Gent, StiffeningLaw};

@@ -1,6 +1,5 @@
 use super::*;
-use crate::effects::{Decaying, Stiff};
-use crate::energy::{Compound, Elasticity, Isotropic, MaterialPoint, NeoHookeanEnergy, Stiffened};
+use crate::energy::{Compound, Decaying, Elasticity, Isotropic, MaterialPoint, NeoHookeanEnergy, Stiff, Stiffened};
 use deaflow_base::Decimal;
 use deaflow_scene::laws::{Gent, StiffeningLaw};
 

@@ -100,7 +100,7 @@ pub fn sum_of_logarithms(numbers: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// Returns the weights of the points of an element.
-pub(super) fn weights(order: Order) -> Vec<f64> {
+pub fn weights(order: Order) -> Vec<f64> {
     let of = |line: &[f64]| line.iter().flat_map(|y| line.iter().map(move |x| x * y)).collect();
     match order {
         Order::Bilinear => of(&Line::LINEAR.weights),

@@ -114,7 +114,7 @@ impl RigidNodes {
 
     /// Returns their number.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.places.len()
     }
 
@@ -126,7 +126,7 @@ impl RigidNodes {
     /// Returns the pose that fits their displacements best.
     #[must_use]
     pub fn pose<T: Real>(&self, u: &[T]) -> Pose {
-        let (count, plane) = (self.len() as f64, self.plane);
+        let (count, plane) = (self.count() as f64, self.plane);
         let (mut arm, mut shift) = ([0.0; 2], [0.0; 2]);
         for (at, [x, y]) in self.iter() {
             arm = [arm[0] + x, arm[1] + y];
@@ -196,7 +196,7 @@ impl RigidNodes {
 
     /// Like [`Self::motion`], where only some motions are free.
     fn motion_in(&self, pose: &Pose, force: [f64; 3], moves: [bool; 3]) -> [f64; 3] {
-        let count = self.len() as f64;
+        let count = self.count() as f64;
         let (mut sum, mut square) = ([0.0; 2], 0.0);
         for &arm in &self.arms {
             let [x, y] = pose.swept(arm);

@@ -14,10 +14,10 @@ use super::boundary::Boundary;
 use super::element::Element;
 use super::error::SetupError;
 use super::fitted::{Content, Fitted, Mapped, MappedElement};
+use super::kernels::{add_rest, scale_gradients, scale_stresses};
 use super::kinematics::Tensor;
 use super::lanes::Real;
 use super::layout::{FreeSides, NodeLayout};
-use super::operator::{add_rest, scale_gradients, scale_stresses};
 use super::rigid::Pose;
 use super::sheet::{Mount, Sheet, SheetSides};
 use super::supports::Supports;
@@ -601,9 +601,9 @@ impl Grid {
     }
 }
 
-#[cfg(test)]
 impl Grid {
-    /// Uniform elements on the membrane of the source paper.
+    /// Returns uniform elements on [`Sheet::paper`].
+    #[must_use]
     pub fn paper(mesh: Mesh) -> Self {
         Self::uniform(mesh, &Sheet::paper())
     }

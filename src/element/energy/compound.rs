@@ -1,8 +1,9 @@
 //! The potential of an elastomer that is a dielectric, with electrodes.
 
+use super::dielectric::Decaying;
 use super::elasticity::Elasticity;
+use super::electrode::Stiff;
 use super::potential::{Invariants, Potential, Rest, Slopes};
-use crate::effects::{Decaying, Stiff};
 use crate::lanes::Value;
 
 /// Elastomer, dielectric and electrodes at a prestretch.

@@ -57,7 +57,7 @@ impl EdgeStress {
 }
 
 /// Returns β of a material.
-pub(super) fn cofactor_stress<L: Material>(material: &L) -> f64 {
+pub fn cofactor_stress<L: Material>(material: &L) -> f64 {
     material.self_stress([[1.0, 0.0], [0.0, 1.0]])[0][0] - material.self_stress([[0.0; 2]; 2])[0][0]
 }
 

@@ -5,8 +5,8 @@
 //! once and not per material. Its calls are whole passes over the elements, or single points where these are few.
 
 use crate::activity::Activity;
-use crate::energy::{MODULI, Margins, MaterialPoint};
-use crate::kernels::{Kernels, MaterialAtRest};
+use crate::energy::{MODULI, Margins, MaterialPoint, NeoHookean};
+use crate::kernels::{Kernels, MaterialAtRest, without_material};
 use crate::kinematics::{self, Tensor};
 use crate::precision::Precision;
 use crate::registers::dispatch;
@@ -74,20 +74,34 @@ pub trait Passes<T> {
 pub trait MaterialPrecision: Precision {
     /// Returns the passes of a material in this precision.
     fn passes<L: Material + ?Sized>(material: &L) -> &(impl Passes<Self> + ?Sized);
+    /// Writes the Laplacian at the first field times the second into `out`.
+    fn laplacian(activity: &Activity, step: [&[Self]; 2], out: &mut [Self]);
+    /// Writes the tangent of elements that are squares at rest times the second field into `out`.
+    fn tangent_at_rest(activity: &Activity, step: [&[Self]; 2], material: &MaterialAtRest, out: &mut [Self]);
 }
 
-impl MaterialPrecision for f64 {
-    fn passes<L: Material + ?Sized>(material: &L) -> &(impl Passes<Self> + ?Sized) {
-        material
-    }
+macro_rules! material_precision {
+    ($real:ty) => {
+        impl MaterialPrecision for $real {
+            fn passes<L: Material + ?Sized>(material: &L) -> &(impl Passes<Self> + ?Sized) {
+                material
+            }
+
+            fn laplacian(activity: &Activity, step: [&[Self]; 2], out: &mut [Self]) {
+                without_material(activity).tangent(step, out);
+            }
+
+            fn tangent_at_rest(activity: &Activity, step: [&[Self]; 2], material: &MaterialAtRest, out: &mut [Self]) {
+                without_material(activity).tangent_at_rest(step, material, out);
+            }
+        }
+    };
 }
 
-impl MaterialPrecision for f32 {
-    fn passes<L: Material + ?Sized>(material: &L) -> &(impl Passes<Self> + ?Sized) {
-        material
-    }
-}
+material_precision!(f64);
+material_precision!(f32);
 
+// What is not inlined is compiled once, with this crate, if its type is in `Composition`.
 impl<L: MaterialPoint> Material for L {
     fn wrinkles(&self) -> bool {
         L::WRINKLES
@@ -113,18 +127,22 @@ impl<L: MaterialPoint> Material for L {
         MaterialPoint::self_stress(self, f)
     }
 
+    #[inline(never)]
     fn energy(&self, f: Tensor<f64>, active: f64) -> f64 {
         MaterialPoint::energy(self, f, active)
     }
 
+    #[inline(never)]
     fn stress(&self, gradient: Tensor<f64>, active: f64) -> Tensor<f64> {
         MaterialPoint::stress(self, gradient, active)
     }
 
+    #[inline(never)]
     fn tangent(&self, gradient: Tensor<f64>, active: f64, df: Tensor<f64>) -> Tensor<f64> {
         MaterialPoint::tangent(self, gradient, active, df)
     }
 
+    #[inline(never)]
     fn moduli(&self, gradient: Tensor<f64>, active: f64) -> [f64; MODULI] {
         MaterialPoint::moduli(self, gradient, active)
     }
@@ -133,6 +151,7 @@ impl<L: MaterialPoint> Material for L {
         MaterialPoint::admissible(self, gradient)
     }
 
+    #[inline(never)]
     fn margins(&self, f: Tensor<f64>, active: f64) -> Margins<f64> {
         MaterialPoint::margins(self, f, active)
     }
@@ -145,6 +164,7 @@ impl<L: MaterialPoint> Material for L {
         MaterialPoint::with_unrelaxed(self, gamma).map(AnyMaterial::new)
     }
 
+    #[inline(never)]
     fn energies(&self, metric: [&[f64]; 4], active: &[f64], of_active_alone: bool, out: &mut [f64]) {
         let [xx, xy, yy, square] = metric.map(|line| &line[..active.len()]);
         let out = &mut out[..active.len()];
@@ -171,28 +191,34 @@ impl<L: MaterialPoint> Material for L {
         );
     }
 
+    #[inline(never)]
     fn forces(&self, activity: &Activity, u: &[f64], out: &mut [f64]) -> f64 {
         Kernels::new(self, activity).forces(u, out)
     }
 
+    #[inline(never)]
     fn forces_between(&self, activity: &Activity, step: [&[f64]; 2], out: &mut [f64]) {
         Kernels::new(self, activity).forces_between(step, out);
     }
 }
 
 impl<L: MaterialPoint, T: Precision> Passes<T> for L {
+    #[inline(never)]
     fn store_moduli(&self, activity: &Activity, u: &[T], moduli: &mut Vec<T>) {
         Kernels::new(self, activity).store_moduli(u, moduli);
     }
 
+    #[inline(never)]
     fn tangent_product(&self, activity: &Activity, step: [&[T]; 2], moduli: &[T], out: &mut [T]) {
         Kernels::new(self, activity).tangent_product(step, moduli, out);
     }
 
+    #[inline(never)]
     fn smallest_margins(&self, activity: &Activity, u: &[T]) -> Margins<f64> {
         Kernels::new(self, activity).smallest_margins(u)
     }
 
+    #[inline(never)]
     fn at_rest(&self) -> MaterialAtRest {
         Kernels::<L>::at_rest::<T>(self)
     }
@@ -204,24 +230,34 @@ pub struct AnyMaterial(Box<dyn Material>);
 impl AnyMaterial {
     /// Erases the type of a material.
     #[must_use]
-    pub fn new(material: impl MaterialPoint) -> Self {
+    pub fn new(material: impl Material + 'static) -> Self {
         Self(Box::new(material))
     }
 }
 
+impl From<NeoHookean> for AnyMaterial {
+    fn from(material: NeoHookean) -> Self {
+        Self::new(material)
+    }
+}
+
 impl Material for AnyMaterial {
+    #[inline]
     fn wrinkles(&self) -> bool {
         self.0.wrinkles()
     }
 
+    #[inline]
     fn has_several_branches(&self) -> bool {
         self.0.has_several_branches()
     }
 
+    #[inline]
     fn stores_moduli(&self) -> bool {
         self.0.stores_moduli()
     }
 
+    #[inline]
     fn load(&self) -> f64 {
         self.0.load()
     }
@@ -234,26 +270,32 @@ impl Material for AnyMaterial {
         self.0.self_stress(f)
     }
 
+    #[inline]
     fn energy(&self, f: Tensor<f64>, active: f64) -> f64 {
         self.0.energy(f, active)
     }
 
+    #[inline]
     fn stress(&self, gradient: Tensor<f64>, active: f64) -> Tensor<f64> {
         self.0.stress(gradient, active)
     }
 
+    #[inline]
     fn tangent(&self, gradient: Tensor<f64>, active: f64, df: Tensor<f64>) -> Tensor<f64> {
         self.0.tangent(gradient, active, df)
     }
 
+    #[inline]
     fn moduli(&self, gradient: Tensor<f64>, active: f64) -> [f64; MODULI] {
         self.0.moduli(gradient, active)
     }
 
+    #[inline]
     fn admissible(&self, gradient: Tensor<f64>) -> f64 {
         self.0.admissible(gradient)
     }
 
+    #[inline]
     fn margins(&self, f: Tensor<f64>, active: f64) -> Margins<f64> {
         self.0.margins(f, active)
     }

@@ -7,22 +7,28 @@
 //! branch that is the same at all points. One type for all of them was tried: a solve with wrinkling took 10 % longer.
 
 mod compound;
+mod dielectric;
 mod elasticity;
+mod electrode;
 mod first_invariant;
 mod isotropic;
 mod neo_hookean;
 mod ogden;
 mod potential;
 mod second_invariant;
+mod tension_field;
 
 pub use compound::Compound;
+pub use dielectric::Decaying;
 pub use elasticity::{Elasticity, NeoHookeanEnergy, Stiffened};
+pub use electrode::Stiff;
 pub use first_invariant::FirstInvariant;
 pub use isotropic::{Isotropic, tangent_from};
 pub use neo_hookean::NeoHookean;
 pub use ogden::{MOST_TERMS, Ogden};
 pub use potential::{Invariants, MarginTerms, Potential, Rest, Slopes, slopes_out_of_line};
 pub use second_invariant::SecondInvariant;
+pub use tension_field::{RESIDUAL, TensionField};
 
 use super::element::Line;
 use super::kinematics::{Tensor, add_scaled, contract, deformation, determinant};

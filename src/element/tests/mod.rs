@@ -1,0 +1,3 @@
+//! Cases with known results.
+
+mod material;
