@@ -8,7 +8,7 @@ use super::solve::warnings_of_states;
 use super::{CliError, model_warnings};
 use deaflow_base::{Digest, build};
 use deaflow_content::SOLVED;
-use deaflow_fem::screening::{TestPattern, resolve, resolve_states};
+use deaflow_fem::screening::{NO_DATA, TestPattern, resolve, resolve_states};
 use deaflow_fem::{Inflated, InflationSolver, SetupError, SolveOptions};
 use deaflow_field::Mesh;
 use deaflow_orchestrator::{Pipeline, StageSpec};
@@ -16,9 +16,6 @@ use deaflow_pattern::Pattern;
 use deaflow_report::{RunArtifacts, StageArtifact, warned_patterns};
 use deaflow_scene::{Effects, Scene};
 use rayon::prelude::*;
-
-/// How the line of effects that cannot be judged begins.
-const NO_DATA: &str = "not checked, no data: ";
 
 /// The warnings about effects that the simulations of a pipeline neglect, a line each, after the names of the stages.
 pub struct Neglected {

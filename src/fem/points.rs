@@ -13,7 +13,8 @@ use super::solver::{MembraneSolver, MeshSolution};
 const EXACT: f64 = 1e-9;
 
 impl MembraneSolver {
-    /// Returns the displacement in mm at weights of [`Grid::weights_at`](crate::grid::Grid::weights_at) for nodal values of this solver.
+    /// Returns the displacement in mm at weights of [`Grid::weights_at`](crate::grid::Grid::weights_at) for nodal
+    /// values of this solver.
     #[must_use]
     pub fn displacement_at(&self, weights: &Weights, nodal: &[f64]) -> [f64; 2] {
         let plane = nodal.len() / 2;

@@ -259,15 +259,18 @@ pub fn check_needs(entry: &Entry<'_>, entries: &[Entry<'_>]) -> Result<(), Input
 
 /// Returns the key of a stage without `needs` that may be meant for it: one that is not of its kind and is similar.
 fn misspelt_needs<'a>(entry: &Entry<'a>) -> Option<&'a Node> {
-    if entry.node.peek("needs").is_some() {
-        return None;
-    }
     let fields = entry.kind.schema();
     let is_known = |name: &str| fields.iter().any(|fields| fields.keys().any(|known| known == name));
-    let keys = entry.node.entries("a stage").ok()?.iter().map(|(key, _)| key);
+    let is_absent = entry.node.peek("needs").is_none();
+    misspelt(entry.node, "needs", is_known).filter(|_| is_absent)
+}
+
+/// Returns the first key of a mapping that is similar to one that is meant, and is not known.
+pub fn misspelt<'n>(node: &'n Node, meant: &str, is_known: impl Fn(&str) -> bool) -> Option<&'n Node> {
+    let keys = node.entries("a stage").ok()?.iter().map(|(key, _)| key);
     keys.into_iter().find(|key| {
         let name = key.written();
-        !is_known(&name) && nearest(&name, &["needs"]).is_some()
+        name != meant && !is_known(&name) && nearest(&name, &[meant]).is_some()
     })
 }
 

@@ -22,6 +22,12 @@ impl Membrane {
         }
     }
 
+    /// Returns the volume in ml below a mean height of 1 mm.
+    #[must_use]
+    pub fn ml_per_mm(&self) -> f64 {
+        1e-3 * self.size_mm.iter().product::<f64>()
+    }
+
     /// Returns the symmetries that map the membrane to itself, cell by cell.
     #[must_use]
     pub fn symmetries(&self) -> Symmetries {

@@ -22,6 +22,13 @@ pub struct Island {
     pub holes: Vec<Vec<Point>>,
 }
 
+impl Island {
+    /// Returns the outer ring, and then those of the holes.
+    pub fn into_rings(self) -> impl Iterator<Item = Vec<Point>> {
+        std::iter::once(self.outer).chain(self.holes)
+    }
+}
+
 /// How corners are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Corners {

@@ -239,11 +239,10 @@ impl Polygons {
     }
 
     fn edges(&self) -> impl Iterator<Item = [Point; 2]> {
-        let of = |ring: &Vec<Point>| -> Vec<[Point; 2]> {
+        self.rings.iter().flat_map(|ring| {
             let next = ring.iter().cycle().skip(1);
-            ring.iter().zip(next).map(|(a, b)| [*a, *b]).collect()
-        };
-        self.rings.iter().flat_map(of)
+            ring.iter().zip(next).map(|(a, b)| [*a, *b])
+        })
     }
 }
 

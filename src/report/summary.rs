@@ -529,8 +529,8 @@ fn compared(row: &RowSummary, rows: &[RowSummary]) -> RowSummary {
     let same = rows.iter().filter(|other| other.same_target(row));
     let same: Vec<Compared<'_>> = same.map(RowSummary::to_compare).collect();
     let comparison = comparison(&row.to_compare(), &same);
-    [found.gain_own_area, found.gain_equal_area] = comparison.gains.map(|gain| gain.and_then(Gain::fraction));
-    [found.gain_own_area_mm, found.gain_equal_area_mm] = comparison.gains.map(|gain| gain.and_then(Gain::difference));
+    [found.gain_own_area, found.gain_equal_area] = comparison.gains().map(|gain| gain.and_then(Gain::fraction));
+    [found.gain_own_area_mm, found.gain_equal_area_mm] = comparison.gains().map(|gain| gain.and_then(Gain::difference));
     found.ratio_to_optimum = comparison.ratio;
     found.difference_to_optimum_mm = comparison.difference_mm;
     found.optimum_is = comparison.optimum_is;

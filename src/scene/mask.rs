@@ -3,7 +3,7 @@
 
 use super::model::Scene;
 use super::sides::Sides;
-use deaflow_pattern::{Bits, Corners, Membrane, Part, Pattern, Polygons, outlines, ring_area, total_area};
+use deaflow_pattern::{Bits, Corners, Island, Membrane, Part, Pattern, Polygons, outlines, ring_area, total_area};
 
 /// A point in mm, the origin at the lower left corner of the membrane.
 pub type Point = [f64; 2];
@@ -99,7 +99,7 @@ impl Mask {
                 let [width, height] = prestretched.cell_mm();
                 let rings = outlines(&cells, corners)
                     .into_iter()
-                    .flat_map(|island| std::iter::once(island.outer).chain(island.holes))
+                    .flat_map(Island::into_rings)
                     .map(|ring| ring.iter().map(|[x, y]| [x * width, y * height]).collect());
                 of_region(&borders.on_membrane(&Polygons::new(&rings.collect::<Vec<_>>())))
             }

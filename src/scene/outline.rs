@@ -100,8 +100,8 @@ impl Scene {
     }
 }
 
-/// Returns the geometry of a scene. Patterns do not depend on thickness and prestretch, so that axes of a sweep may stand
-/// there; any value takes their place.
+/// Returns the geometry of a scene. Patterns do not depend on thickness and prestretch, so that axes of a sweep may
+/// stand there; any value takes their place.
 fn geometry(scene: &Node) -> Result<Node, InputError> {
     let mut geometry = scene.fields(WHAT, &SECTIONS)?.required(WHAT, "geometry")?.clone();
     let any = [

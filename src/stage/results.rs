@@ -100,7 +100,7 @@ pub fn ml_per_mm(objective: &str, scene: &Scene) -> Option<f64> {
         None => std::slice::from_ref(root),
     };
     let are_volumes = !targets.is_empty() && targets.iter().all(|target| target.peek("volume").is_some());
-    are_volumes.then(|| 1e-3 * scene.membrane().size_mm.iter().product::<f64>())
+    are_volumes.then(|| scene.membrane().ml_per_mm())
 }
 
 /// The hypervolume of a front of displacements: in mm, as areas are fractions.

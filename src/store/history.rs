@@ -209,8 +209,8 @@ type SortKey = (String, u64);
 /// Selects the runs of the pipeline in a file, newest first.
 ///
 /// Those are the runs with its path, and those of the same name with the same path relative to the store whose file no
-/// longer exists: the store was moved together with the file. If there are none, the file may have been moved: then they
-/// are the runs of the same name whose file no longer exists, if they all had the same path.
+/// longer exists: the store was moved together with the file. If there are none, the file may have been moved: then
+/// they are the runs of the same name whose file no longer exists, if they all had the same path.
 pub struct RunsOf<I> {
     runs: I,
     file: PathBuf,

@@ -90,8 +90,7 @@ fn simulate_in_space(design: &Design, options: SolveOptions) -> Result<Membrane,
     let plane = scene.membrane();
     let [columns, rows] = plane.raster.sides();
     let corners = (0..=rows).flat_map(|row| (0..=columns).map(move |column| [column, row]));
-    let displacement = inflation::components(&found.displacement, &found.heights).collect::<Vec<_>>();
-    let displacement: Vec<[f64; 3]> = displacement.chunks_exact(3).map(|u| [u[0], u[1], u[2]]).collect();
+    let displacement: Vec<[f64; 3]> = inflation::components(&found.displacement, &found.heights).collect();
     let of_state = inflation::warnings_of_states(&scene, &[("design".to_owned(), &found)]);
     Ok(Membrane {
         elements: [columns, rows],

@@ -191,10 +191,10 @@ pub fn corner_mm(corner: [usize; 2], scene: &Scene) -> [f64; 2] {
 }
 
 /// Returns a displacement along x, y and out of the plane, corner by corner.
-pub fn components(displacement: &Field, heights: &[f64]) -> impl Iterator<Item = f64> {
+pub fn components(displacement: &Field, heights: &[f64]) -> impl Iterator<Item = [f64; 3]> {
     let planar = displacement.values().chunks_exact(2);
     let all = planar.zip(heights);
-    all.flat_map(|(planar, height)| [planar[0], planar[1], *height])
+    all.map(|(planar, height)| [planar[0], planar[1], *height])
 }
 
 fn warnings(scene: &Scene, found: &[Inflated]) -> Result<Vec<String>, SetupError> {
@@ -231,7 +231,7 @@ fn content(computation: &Computation<'_>, scene: &Scene, found: &[Inflated], sol
     };
     let displacement = found.iter().flat_map(|one| {
         let all = components(&one.displacement, &one.heights);
-        all.map(|value| if is_stable(one) { value } else { f64::NAN })
+        all.flatten().map(|value| if is_stable(one) { value } else { f64::NAN })
     });
     let limits = |at: usize, converged: f64| {
         let limit = |one: &Inflated| match one.outcome {

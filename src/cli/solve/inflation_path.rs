@@ -326,7 +326,7 @@ fn content(patterns: &[Pattern], paths: &[InflationPath], scene: &Scene) -> Infl
     };
     let last = paths
         .iter()
-        .flat_map(|path| components(&path.displacement, &path.heights));
+        .flat_map(|path| components(&path.displacement, &path.heights).flatten());
     InflationPaths {
         patterns: patterns.to_vec(),
         electrodes: DrawnElectrodes::of(patterns),

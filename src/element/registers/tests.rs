@@ -5,7 +5,8 @@ use deaflow_pattern::{CELLS, Pattern, Raster};
 use deaflow_scene::laws::{Gent, StiffeningLaw};
 
 use crate::activity::Activity;
-use crate::energy::{Compound, Decaying, Isotropic, Margins, NeoHookean, Stiff, Stiffened, TensionField};
+use crate::composition::Composition;
+use crate::energy::{Margins, NeoHookean, Stiffened};
 use crate::grid::Grid;
 use crate::krylov::{Scratch, conjugate_gradients};
 use crate::material::AnyMaterial;
@@ -70,9 +71,15 @@ fn results_are_identical_for_all_registers_and_equal_to_rounding_without() {
         jm: deaflow_base::Decimal::from_f64(100.0).unwrap(),
     };
     let stiffened = Stiffened::new(&gent.form(1.0), 3.0).unwrap();
-    let compound = Compound::new(3.0, stiffened, Decaying::ideal(3.0, 0.0255), Stiff { ratio: 0.0 });
     let base = AnyMaterial::from(NeoHookean::new(3.0, 0.0255));
-    let wrinkling = AnyMaterial::new(Isotropic::new(TensionField::new(compound)));
+    let wrinkling = Composition {
+        prestretch: 3.0,
+        stiffening: Some(stiffened),
+        electrode: None,
+        decay: None,
+        wrinkles: true,
+    };
+    let wrinkling = wrinkling.material(0.0255, 0.0);
     let square = Sheet::paper();
     let uneven = Sheet {
         prestretch: [3.2, 9.0 / 3.2],

@@ -18,5 +18,5 @@ pub use comparison::{Comparison, Displacement};
 pub use examine::{examined, observing_breakdown};
 pub use resolve::{ScreenedScene, remember, resolve, resolve_states, resolved_states};
 pub use row::{Row, Status};
-pub use screen::{Screening, screen, screen_for, screen_within};
+pub use screen::{NO_DATA, Screening, screen, screen_for, screen_within};
 pub use test_pattern::{TestPattern, reference_patterns};

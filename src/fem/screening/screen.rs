@@ -10,6 +10,9 @@ use deaflow_base::four_significant;
 use deaflow_scene::effects::names;
 use deaflow_scene::{Bar, Edge, Effects, Scene, Sides};
 
+/// How the line of effects begins that could not be judged.
+pub const NO_DATA: &str = "not checked, no data: ";
+
 /// Share of the work for a pattern that its comparisons may take; the rest is for its solution and critical voltage.
 const COMPARING: f64 = 0.5;
 
@@ -37,7 +40,7 @@ impl Screening {
     #[must_use]
     pub fn not_checked(&self) -> Option<String> {
         let effects: Vec<String> = self.rows.iter().filter_map(Row::without_data).collect();
-        (!effects.is_empty()).then(|| format!("not checked, no data: {}", effects.join(", ")))
+        (!effects.is_empty()).then(|| format!("{NO_DATA}{}", effects.join(", ")))
     }
 
     /// Returns the warnings of an equilibrium, which ignores the drive in time.

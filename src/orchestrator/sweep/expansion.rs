@@ -9,12 +9,12 @@ use super::settings::{Setting, Settings, joined, key, name, value_of};
 use super::substitute::{Substitution, no_axis};
 use super::template::{axes_in, is_template, place_of};
 use super::{MANY_STAGES, Sweep};
-use crate::entry::{Registry, refuse_cycle_of, suggestion};
+use crate::entry::{Registry, misspelt, refuse_cycle_of, suggestion};
 use crate::graph;
 use crate::kind::Kind;
 use crate::scene_from::{self, FROM, SCENE};
 use crate::without::{WITHOUT, names_stage};
-use deaflow_base::{InputError, Node, NodeValue, nearest};
+use deaflow_base::{InputError, Node, NodeValue};
 
 /// The key that ends axes.
 pub const GATHER: &str = "gather";
@@ -72,18 +72,6 @@ pub fn unroll(root: &mut Node, registry: &Registry, most: usize) -> Result<Vec<S
 fn is_swept(node: &Node, registry: &Registry) -> bool {
     let own = [FOREACH, GATHER].into_iter().any(|key| node.peek(key).is_some());
     own || is_template(node) || registry.kind_of(node).is_some_and(Kind::collects)
-}
-
-/// A key that is nearly one of those of sweeps.
-fn misspelt(node: &Node) -> Option<(&Node, &'static str)> {
-    let NodeValue::Map(entries) = node.value() else {
-        return None;
-    };
-    let near = |(key, _): &'_ (Node, Node)| match key.value() {
-        NodeValue::Text(text) if text != FOREACH => nearest(text, &[FOREACH]),
-        _ => None,
-    };
-    entries.iter().find_map(|entry| Some((&entry.0, near(entry)?)))
 }
 
 /// Names stages by more axes where those that names carry have ended.
@@ -621,13 +609,13 @@ impl<'a> Expansion<'a> {
                 "the scene has the axis `{missing}`, and stage `{}` has not",
                 self.templates[place].name
             );
-            if let Some((key, near)) = misspelt(self.templates[place].node) {
+            if let Some(key) = misspelt(self.templates[place].node, FOREACH, |_| false) {
                 let unknown = format!(
                     "unknown key `{}` in stage `{}`",
                     key.quoted().trim_matches('`'),
                     self.templates[place].name
                 );
-                return Err(key.error(unknown).help(format!("did you mean `{near}`?")));
+                return Err(key.error(unknown).help(format!("did you mean `{FOREACH}`?")));
             }
             let names = self.axes()?;
             if let Some(at) = place_of(scene, missing).filter(|_| !names.contains(&**missing)) {

@@ -102,7 +102,6 @@ pub(crate) fn comparison(own: &Compared<'_>, all: &[Compared<'_>]) -> Comparison
     Comparison {
         intuitive_own,
         intuitive_equal_area,
-        gains: [0, 1].map(|over| gains[over].filter(|_| !violating[over])),
         over: [0, 1].map(|over| {
             Some(OverIntuitive {
                 gain: gains[over]?,
@@ -142,6 +141,13 @@ fn gain(own: &Compared<'_>, other: &Compared<'_>) -> Option<Gain> {
 }
 
 impl Comparison {
+    /// Returns the gains over the intuitive designs at its own and at equal area; none over one that violates the
+    /// constraints.
+    pub(crate) fn gains(self) -> [Option<Gain>; 2] {
+        self.over
+            .map(|over| over.filter(|over| !over.is_violating).map(|over| over.gain))
+    }
+
     /// Says how near the pattern comes to the optimum: the share of it, or the difference in the unit of the values if
     /// they move in opposite directions; `None` if neither is known.
     #[must_use]
@@ -453,8 +459,8 @@ pub(crate) mod tests {
             ];
             both[1].error_mm = error;
             compare(&mut both);
-            assert_eq!(both[0].compared.gains, [Some(gain), None], "{other} ± {error:?}");
-            assert_eq!(both[1].compared.gains, [None; 2], "over itself");
+            assert_eq!(both[0].compared.gains(), [Some(gain), None], "{other} ± {error:?}");
+            assert_eq!(both[1].compared.gains(), [None; 2], "over itself");
             assert_eq!(
                 both[0].gain_texts(),
                 [Some(gain.text(&both[0].objective)), None],

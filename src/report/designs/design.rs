@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::compare::{Gain, OverIntuitive};
+use super::compare::OverIntuitive;
 use super::front::{FrontPlace, OtherObjective};
 use super::objective::{Objective, TargetPoint};
 use super::small_islands::small_islands;
@@ -92,10 +92,8 @@ pub struct Comparison {
     pub intuitive_own: Option<f64>,
     /// Of the intuitive design at the area of this one; `None` if there is none with that area.
     pub intuitive_equal_area: Option<f64>,
-    /// Gains over these two; none if a given displacement is to be reached, as a larger one is not better then, or over
-    /// a design that violates the constraints.
-    pub(crate) gains: [Option<Gain>; 2],
-    /// The same with the areas of these two; also over one that violates the constraints.
+    /// Gains over these two, with their areas; none if a given displacement is to be reached, as a larger one is not
+    /// better then.
     pub(crate) over: [Option<OverIntuitive>; 2],
     /// Whether this design is compared with intuitive designs, but all of them violate the constraints.
     pub(crate) is_incomparable: bool,
@@ -234,7 +232,7 @@ impl Design {
     /// Writes the gains over the intuitive design at its own area and at the area of this one, with their sign.
     #[must_use]
     pub fn gain_texts(&self) -> [Option<String>; 2] {
-        self.compared.gains.map(|gain| Some(gain?.text(&self.objective)))
+        self.compared.gains().map(|gain| Some(gain?.text(&self.objective)))
     }
 
     /// Says how much more it reaches than the intuitive designs, with their areas.
@@ -266,8 +264,11 @@ impl Design {
     /// Writes the same rounded by the estimated error, which follows if it is known.
     #[must_use]
     pub fn number_measured(&self, value: f64, error: Option<f64>) -> String {
-        let text = self.objective.text_measured(value, error);
-        text.replacen(" mm", "", 1)
+        let objective = &self.objective;
+        match objective.shown_unit() {
+            "mm" => objective.number_measured(value, error) + &objective.converted(value),
+            _ => objective.text_measured(value, error),
+        }
     }
 
     /// Returns the file of its mask, relative to the folder of the table; `None` for patterns that were not searched.

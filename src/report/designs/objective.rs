@@ -165,8 +165,13 @@ impl Objective {
     /// Writes the same rounded by the estimated error, which follows if it is known.
     #[must_use]
     pub fn text_measured(&self, value: f64, error: Option<f64>) -> String {
-        let number = mm_measured(self.shown(value), error.map(|error| self.shown(error)));
+        let number = self.number_measured(value, error);
         format!("{number} {}{}", self.shown_unit(), self.converted(value))
+    }
+
+    /// Writes the same without the unit and the angle.
+    pub(super) fn number_measured(&self, value: f64, error: Option<f64>) -> String {
+        mm_measured(self.shown(value), error.map(|error| self.shown(error)))
     }
 
     /// Writes a difference or an error with its unit and three digits.
@@ -394,7 +399,7 @@ fn arm_mm(targets: &[TargetPoint], scene: &Scene) -> Option<f64> {
 fn ml_per_mm(targets: &[TargetPoint], scene: &Scene) -> Option<f64> {
     let is_volume = |target: &TargetPoint| matches!(target.motion, TargetMotion::Fill(_));
     let all = !targets.is_empty() && targets.iter().all(is_volume);
-    all.then(|| 1e-3 * scene.membrane().size_mm.iter().product::<f64>())
+    all.then(|| scene.membrane().ml_per_mm())
 }
 
 /// Returns what values in a unit are.

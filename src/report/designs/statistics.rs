@@ -131,7 +131,7 @@ fn extreme<'d>(values: impl Iterator<Item = (f64, &'d Design)>, by: impl Fn(f64)
 fn gain(target: &[&Design], over: usize) -> Option<f64> {
     let of = |role: Role| {
         let own = target.iter().filter(move |design| design.role == role);
-        own.filter_map(|design| design.compared.gains[over]?.fraction())
+        own.filter_map(|design| design.compared.gains()[over]?.fraction())
             .max_by(f64::total_cmp)
     };
     of(Role::Refined).or_else(|| of(Role::Ga)).or_else(|| of(Role::Optimum))

@@ -13,7 +13,7 @@ use super::path::{head, number, path, steady_path};
 use super::sides;
 use deaflow_field::Field;
 use deaflow_pattern as pattern;
-use deaflow_pattern::{Bits, Corners, Part, Pattern, PatternForm, Point, Polygons, Raster, outlines};
+use deaflow_pattern::{Bits, Corners, Island, Part, Pattern, PatternForm, Point, Polygons, Raster, outlines};
 use deaflow_scene::{Scene, Sides};
 
 /// Margin of a drawing, thousandths of its side.
@@ -35,7 +35,7 @@ const TILT: f64 = 0.4;
 pub struct Background {
     plane: pattern::Membrane,
     /// The edges of the frame within the rectangle, and of rigid bodies, in cells.
-    frame: Vec<Vec<Point>>,
+    frame: Polygons,
     bodies: Vec<Vec<Point>>,
     /// The cells that may carry electrodes; `None` if all can.
     free: Option<Bits>,
@@ -64,7 +64,7 @@ impl Background {
         };
         Self {
             plane,
-            frame,
+            frame: Polygons::of_rings(frame),
             bodies,
             free: parts.as_ref().map(|parts| parts.free_cells()),
             sides: scene.geometry.sides.clone(),
@@ -76,7 +76,7 @@ impl Background {
     pub fn plain(plane: pattern::Membrane) -> Self {
         Self {
             plane,
-            frame: Vec::new(),
+            frame: Polygons::default(),
             bodies: Vec::new(),
             free: None,
             sides: None,
@@ -101,7 +101,7 @@ impl Background {
         let cell = |axis: usize, cells: usize| (at[axis].max(0.0) as usize).min(cells.saturating_sub(1));
         // Curves are only followed where the cell carries no electrode, as hundreds of membranes are drawn.
         let is_free = |free: &Bits| free.has(cell(0, columns), cell(1, rows));
-        !self.free.as_ref().is_none_or(is_free) && is_within(&self.frame, at)
+        !self.free.as_ref().is_none_or(is_free) && self.frame.contains(at)
     }
 
     /// Returns its cells.
@@ -188,7 +188,7 @@ impl Background {
         };
         html! {
             path class=(if self.sides.is_some() { "mount" } else { "frame" }) d=(edge) {}
-            @if !self.frame.is_empty() { path class="held" d=(self.edge(&self.frame)) {} }
+            @if !self.frame.is_empty() { path class="held" d=(self.edge(self.frame.rings())) {} }
         }
     }
 
@@ -567,16 +567,6 @@ fn enlargement(largest: f64, room: f64) -> f64 {
 /// How far a drawing may reach over its frame, cells: less than a line is wide.
 const OVER: f64 = 0.25;
 
-/// Whether a point is within closed rings, by the number of their edges to its right.
-fn is_within(rings: &[Vec<Point>], [x, y]: Point) -> bool {
-    let edges = |ring: &[Point]| {
-        let ends = ring.iter().zip(ring.iter().cycle().skip(1));
-        ends.filter(|(a, b)| (a[1] > y) != (b[1] > y) && x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]))
-            .count()
-    };
-    rings.iter().map(|ring| edges(ring)).sum::<usize>() % 2 == 1
-}
-
 /// Draws an arrow from a point in mm in a direction in degrees, counterclockwise from the x axis, `length` thousandths
 /// long.
 pub fn direction(point: [f64; 2], side: f64, degrees: f64, length: f64) -> Markup {
@@ -586,7 +576,7 @@ pub fn direction(point: [f64; 2], side: f64, degrees: f64, length: f64) -> Marku
 
 fn rings(pattern: &Pattern) -> impl Iterator<Item = Vec<Point>> {
     let islands = outlines(pattern, Corners::Square).into_iter();
-    islands.flat_map(|island| std::iter::once(island.outer).chain(island.holes))
+    islands.flat_map(Island::into_rings)
 }
 
 /// Returns the borders of a region in cells, without details that no drawing shows.
@@ -732,7 +722,7 @@ mod tests {
         };
         let free = Pattern::from_fn(Raster::PAPER, |x, y| (x as f64 - 24.5).hypot(y as f64 - 24.5) < 20.0);
         let framed = Background {
-            frame: rings(&Pattern::from_fn(Raster::PAPER, |x, y| free.group(x, y) == 0)).collect(),
+            frame: Polygons::of_rings(rings(&Pattern::from_fn(Raster::PAPER, |x, y| free.group(x, y) == 0)).collect()),
             free: Some(Bits::of(&free)),
             ..square(50.0)
         };

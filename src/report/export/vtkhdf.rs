@@ -20,8 +20,8 @@ pub struct Surface<'a> {
     pub sides: [usize; 2],
 }
 
-/// Writes the surface, whose plane is z = 0. Corners have `displacement` and `reference`, the position without displacement, both
-/// in mm; elements have the values of their pattern cells.
+/// Writes the surface, whose plane is z = 0. Corners have `displacement` and `reference`, the position without
+/// displacement, both in mm; elements have the values of their pattern cells.
 ///
 /// # Errors
 /// If the folder does not exist or is not writable, or HDF5 fails (disk full).

@@ -272,8 +272,8 @@ fn first_column(design: &Design) -> Vec<String> {
     }
 }
 
-/// Returns the decimal digits of voltages in kV at such steps: those of a volt, and more where these would change a step
-/// by more than a twentieth.
+/// Returns the decimal digits of voltages in kV at such steps: those of a volt, and more where these would change a
+/// step by more than a twentieth.
 fn digits(step: f64) -> usize {
     let coarse = |digits: &usize| 0.5 * 10_f64.powi(-(*digits as i32)) > 0.05 * step;
     (3..6).find(|digits| !coarse(digits)).unwrap_or(6)

@@ -97,7 +97,8 @@ impl Presenter for DesignPresenter {
                     written(*value)
                 ),
                 (several, [Some(least), Some(most)]) => format!(
-                    "{stage}: best designs of {} targets, {} to {} {shown_unit}, as predicted by the search, not verified",
+                    "{stage}: best designs of {} targets, {} to {} {shown_unit}, as predicted by the search, not \
+                     verified",
                     several.len(),
                     number(least),
                     number(most)

@@ -93,30 +93,32 @@ impl Presenter for SolvePresenter {
     }
 
     fn section(&self, page: &mut Page, run: &RunArtifacts<'_>) -> Result<(), ReportError> {
-        let few = run.each(self.kind(), |source| self.few(source))?.concat();
+        let solved = run.each(self.kind(), |source| {
+            let few = self.few(source)?;
+            let families = match few.is_empty() {
+                true => families(source)?,
+                false => Vec::new(),
+            };
+            let charts = match families.is_empty() {
+                true => Vec::new(),
+                false => source.drawn(deformation_charts(&families))?,
+            };
+            Ok((few, (source.stage.stage.clone(), charts)))
+        })?;
+        let (few, solved): (Vec<_>, Vec<_>) = solved.into_iter().unzip();
+        let few = few.concat();
         if !few.is_empty() {
             super::dataset(page);
             page.part("Deformed membranes");
             page.line(
-                "Samples of stages with few of them, all with the same exaggeration of the displacements; the grey line \
-                 is the electrode at rest.",
+                "Samples of stages with few of them, all with the same exaggeration of the displacements; the grey \
+                 line is the electrode at rest.",
             );
             page.charts(&membranes_charts(&few[..few.len().min(MOST_DRAWN)]));
             if few.len() > MOST_DRAWN {
                 page.note(&format!("and {} more", few.len() - MOST_DRAWN));
             }
         }
-        let solved = run.each(self.kind(), |source| {
-            if !self.few(source)?.is_empty() {
-                return Ok((source.stage.stage.clone(), Vec::new()));
-            }
-            let families = families(source)?;
-            let charts = match families.is_empty() {
-                true => Vec::new(),
-                false => source.drawn(deformation_charts(&families))?,
-            };
-            Ok((source.stage.stage.clone(), charts))
-        })?;
         for (stage, charts) in solved.iter().filter(|(_, charts)| !charts.is_empty()) {
             super::dataset(page);
             page.part(&format!("{stage}: samples by family"));

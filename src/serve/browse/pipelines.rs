@@ -154,7 +154,7 @@ impl LastRuns {
             let run = run?;
             match run.command {
                 Command::Run if run.overrides == pipeline.overrides => {
-                    let is_complete = run.failures.is_empty() && run.stopped.is_empty() && run.not_begun.is_empty();
+                    let is_complete = run.is_complete();
                     if is_complete {
                         found.complete = Some(run.clone());
                     }
